@@ -3,7 +3,7 @@
 
 mod command;
 
-use command::{Folder, block, deepmill, failure, json, stl, text};
+use command::{Folder, block, deepmill, failure, json, stl, t_slot, text};
 use deepmill::data::files::LabelFile;
 use deepmill::geom::{check, formats};
 use std::f64::consts::PI;
@@ -82,6 +82,36 @@ fn the_rest_of_several_tools_is_the_least_that_one_of_them_leaves() {
     let ran = deepmill(&[&args[..], &UP, &both].concat());
     // The fillet of the smaller one alone, but for the underside, which lies on the stock's own face.
     assert!(ran.status.success(), "{}", text(&ran.stderr));
+}
+
+/// The neck of radius 4 stops at lips 5.5 from the middle; the disc of radius 8 ends 1.1 before the walls behind them.
+#[test]
+fn a_t_slot_cutter_leaves_what_its_neck_keeps_it_from() {
+    let folder = Folder::new();
+    let part = folder.file("slot.stl", t_slot());
+    let table = "T, name, profile, stick_out\n8, cutter, 8:0 8:4 4:4 | 4:50, 60\n";
+    let tools = folder.file("tools.csv", table);
+    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
+    let args = ["label", &part, "--tools", &tools, "--holder", &holder, "--rest"];
+    let out = folder.path("out");
+    let more = ["--sites", "1500", "--directions", "up", "--no-picture", "--json", "--out", &out];
+    json(&deepmill(&[&args[..], &more].concat()));
+    let file = LabelFile::read(folder.path("out/cutter/labels.npz").as_ref()).unwrap();
+    let mut n_walls = 0;
+    for (i, rest) in file.labels.answers.rest_mm.iter().enumerate() {
+        let (p, n) = (file.sites.points[i], file.sites.normals[i]);
+        // At the ends the cutter reaches around the lips.
+        let is_inner = (-30.0..-10.0).contains(&p.y);
+        if is_inner
+            && n.x.abs() > 0.9
+            && (19.0..28.0).contains(&p.z)
+            && (10.0..11.0).contains(&p.x.abs())
+        {
+            assert!((rest - 1.1).abs() < 0.03, "{p}: {rest}");
+            n_walls += 1;
+        }
+    }
+    assert!(n_walls > 10, "{n_walls}");
 }
 
 #[test]
@@ -211,8 +241,6 @@ fn stocks_accuracies_and_tools_that_cannot_be_are_named_with_a_remedy() {
     let tools = ["--out", &out, "--tools", &table, "--holder", &holder];
     let error = failure(&deepmill(&[&["machined", &part][..], &tools].concat()), 2);
     assert!(error.contains("slot"), "{error}");
-    let error = failure(&deepmill(&[&["label", &part, "--rest"][..], &tools].concat()), 2);
-    assert!(error.contains("--rest") && error.contains("slot"), "{error}");
     let points = ["label", &part, "--out", &out, "--rest", "--obstacles", "published"];
     let error = failure(&deepmill(&[&points[..], &UP].concat()), 2);
     assert!(error.contains("--rest"), "{error}");

@@ -74,18 +74,10 @@ impl Analysis {
             let expected = "triangles that block";
             return Err(Error::argument("region", "points as obstacles", expected, remedy));
         }
-        if self.rest {
-            if blocking != Blocking::Part {
-                let (found, expected) = ("points as obstacles", "triangles that block");
-                let remedy = "take the triangles of a mesh as obstacles, or leave the rest out";
-                return Err(Error::argument("rest", found, expected, remedy));
-            }
-            let by_profile = self.tools.iter().find(|tool| tool.cutter.profile().is_some());
-            if let Some(tool) = by_profile {
-                let found = format!("the tool {}, given by its profile", tool.name);
-                let remedy = "leave the tool out, or the rest";
-                return Err(Error::argument("rest", found, "tools given by lengths", remedy));
-            }
+        if self.rest && blocking != Blocking::Part {
+            let (found, expected) = ("points as obstacles", "triangles that block");
+            let remedy = "take the triangles of a mesh as obstacles, or leave the rest out";
+            return Err(Error::argument("rest", found, expected, remedy));
         }
         let directions = self.take_directions(blocking)?;
         let (mesh, on_part) = match self.shape.take() {

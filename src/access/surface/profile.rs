@@ -50,6 +50,7 @@ mod axes;
 mod balls;
 mod bands;
 mod body;
+mod clear;
 mod contact;
 mod depth;
 mod drill;
@@ -66,8 +67,11 @@ mod retreat;
 mod shallow;
 #[cfg(test)]
 mod tests;
+mod underside;
 
+pub(super) use clear::Push;
 pub(super) use depth::{Ladder, PartHeights};
 pub(super) use frame::Frame;
 pub(super) use label::{ProfileTool, SiteResult, accessible, label};
 pub(super) use nearest::{Penetration, PoseState};
+pub(super) use underside::{Cuts, Underside};

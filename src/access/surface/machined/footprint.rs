@@ -1,5 +1,6 @@
 //! A tool in pixels.
 
+use super::super::profile::Underside;
 use super::super::tool::{Outline, Tip};
 use super::heights::BLOCK;
 use crate::simd::extremes::TILE_WIDTH;
@@ -40,10 +41,19 @@ pub struct Disc {
 /// The surface of revolution below what cuts.
 #[derive(Debug, Clone)]
 pub struct Cutting {
-    tip: Tip,
-    /// Height above the reference point and radius, mm.
-    steps: Vec<[f64; 2]>,
+    surface: Surface,
     pub radius: f64,
+}
+
+#[derive(Debug, Clone)]
+enum Surface {
+    Steps {
+        tip: Tip,
+        /// Height above the reference point and radius, mm.
+        steps: Vec<[f64; 2]>,
+    },
+    /// From the tip.
+    Profile(Underside),
 }
 
 impl Cutting {
@@ -56,13 +66,23 @@ impl Cutting {
             .filter(|[_, radius]| *radius > 0.0)
             .collect();
         let widest = steps.iter().fold(tip.lower_end()[1], |a, [_, radius]| a.max(*radius));
-        Cutting { tip, steps, radius: widest }
+        Cutting { surface: Surface::Steps { tip, steps }, radius: widest }
+    }
+
+    /// Of a tool of any profile, which is seen from below.
+    pub fn of_profile(underside: Underside) -> Self {
+        let radius = underside.radius();
+        Cutting { surface: Surface::Profile(underside), radius }
     }
 
     /// Lowest height above the reference point at a distance from the axis within the radius, mm.
     #[inline]
     pub fn height(&self, distance: f64) -> f64 {
-        let tip = match self.tip {
+        let (tip, steps) = match &self.surface {
+            Surface::Steps { tip, steps } => (*tip, steps),
+            Surface::Profile(underside) => return underside.height(distance),
+        };
+        let tip = match tip {
             Tip::Round { ring, radius } if distance <= ring + radius => {
                 let beyond = (distance - ring).max(0.0);
                 -(radius * radius - beyond * beyond).max(0.0).sqrt()
@@ -71,7 +91,7 @@ impl Cutting {
             _ => f64::INFINITY,
         };
         let wide = |[_, radius]: &&[f64; 2]| *radius >= distance;
-        self.steps.iter().find(wide).map_or(tip, |[height, _]| height.min(tip))
+        steps.iter().find(wide).map_or(tip, |[height, _]| height.min(tip))
     }
 }
 
@@ -95,7 +115,18 @@ impl Footprint {
 
     /// A tool shrunk by `shrink` mm, which is less than its tip's radius.
     pub fn new(outline: &Outline, shrink: f64, pitch: f64) -> Self {
-        let cutting = Cutting::new(outline, shrink);
+        let upper = outline.upper().map(|[height, radius]| [height + shrink, radius - shrink]);
+        Footprint::of(&Cutting::new(outline, shrink), &upper.collect::<Vec<_>>(), pitch)
+    }
+
+    /// A tool of any profile, which is seen from below.
+    pub fn of_profile(underside: Underside, pitch: f64) -> Self {
+        let discs = underside.discs();
+        Footprint::of(&Cutting::of_profile(underside), &discs, pitch)
+    }
+
+    /// `upper` are heights and radii of what does not cut, mm.
+    fn of(cutting: &Cutting, upper: &[[f64; 2]], pitch: f64) -> Self {
         let reach = ((cutting.radius / pitch).floor() as usize + 1).next_multiple_of(BLOCK);
         let n_blocks = (reach / BLOCK) as isize;
         let mut groups = Vec::new();
@@ -104,7 +135,8 @@ impl Footprint {
             let block = BLOCK as isize;
             let within = |[dx, dy]: [isize; 2]| {
                 let distance = (dx as f64).hypot(dy as f64) * pitch;
-                (distance <= cutting.radius).then(|| ([dx, dy], cutting.height(distance) as f32))
+                let height = (distance <= cutting.radius).then(|| cutting.height(distance) as f32);
+                height.filter(|height| height.is_finite()).map(|height| ([dx, dy], height))
             };
             let offsets =
                 (0..block * block).map(|k| [x * block + k % block, y * block + k / block]);
@@ -119,13 +151,12 @@ impl Footprint {
             (x * x + y * y, group.block)
         };
         groups.sort_by_key(from_axis);
-        let upper = || outline.upper().map(|[height, radius]| [height + shrink, radius - shrink]);
-        let discs = upper().filter(|[_, radius]| *radius > 0.0 && radius.is_finite());
+        let discs = upper.iter().filter(|[_, radius]| *radius > 0.0 && radius.is_finite());
         let discs = discs
-            .map(|[height, radius]| Disc { radius: radius / pitch, height: height as f32 })
+            .map(|[height, radius]| Disc { radius: radius / pitch, height: *height as f32 })
             .collect();
-        let spindle =
-            upper().find(|[_, radius]| radius.is_infinite()).map(|[height, _]| height as f32);
+        let spindle = upper.iter().find(|[_, radius]| radius.is_infinite());
+        let spindle = spindle.map(|[height, _]| *height as f32);
         Footprint { groups, reach, discs, spindle }
     }
 }

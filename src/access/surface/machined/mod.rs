@@ -6,7 +6,7 @@
 //! A point is *removed* if in some direction it is above the lower surface of what cuts of a tool that stopped there.
 //! The **rest** at a site is the length of the line from it along its normal to the first point that is removed; if
 //! none is, the whole line: to the next wall of the part, or to where it leaves the stock. At an accessible site it
-//! is 0.
+//! is 0. What a tool of any profile removes beside that is in `profile`.
 //!
 //! # Engine
 //!
@@ -34,6 +34,7 @@ mod footprint;
 mod grid;
 mod heights;
 mod pose;
+mod profile;
 mod sites;
 mod solid;
 mod swept;

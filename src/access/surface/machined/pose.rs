@@ -76,20 +76,8 @@ impl Dropped<'_> {
         let way = DVec3::new(line.along.dot(u), line.along.dot(v), line.along.dot(d));
         let radius = self.cutting.radius;
         // Where the line is within the radius.
-        let (across, a) = (way.truncate(), way.truncate().length_squared());
-        let (b, c) = (-x.dot(across), x.length_squared() - radius * radius);
-        let [begin, end] = if a > 1e-18 {
-            let root = b * b - a * c;
-            if root < 0.0 {
-                return None;
-            }
-            let root = root.sqrt();
-            [(-b - root) / a, (-b + root) / a]
-        } else if c <= 0.0 {
-            [0.0, line.length]
-        } else {
-            return None;
-        };
+        let across = way.truncate();
+        let [begin, end] = within(way, x, radius)?;
         let (begin, end) = (begin.max(0.0), end.min(line.length));
         if begin > end {
             return None;
@@ -129,38 +117,68 @@ impl Dropped<'_> {
         [step, finest]: [f64; 2],
         scratch: &mut Scratch,
     ) -> Option<(f64, DVec3)> {
-        let (mut x, mut step) = (x, step);
-        let mut best = self.left(line, axes, x, scratch);
-        // The exact tool is wider than that of the images: beside a wall it may stop on top of that.
-        for farther in FARTHER {
-            if best.is_some() {
-                break;
-            }
-            let from = x;
-            for [i, j] in AROUND {
-                let there = from + DVec2::new(i, j) * (farther * step);
-                let left = self.left(line, axes, there, scratch);
-                if is_less(&left, &best) {
-                    (best, x) = (left, there);
-                }
-            }
-        }
-        while step > finest && best.is_none_or(|(left, _)| left > 0.0) {
-            let mut moved = None;
-            for [i, j] in AROUND {
-                let there = x + DVec2::new(i, j) * step;
-                let left = self.left(line, axes, there, scratch);
-                if is_less(&left, &best) {
-                    (best, moved) = (left, Some(there));
-                }
-            }
-            match moved {
-                Some(there) => x = there,
-                None => step *= 0.5,
-            }
-        }
-        best
+        least_over_places(x, [step, finest], |x, _| self.left(line, axes, x, scratch))
     }
+}
+
+/// The least that is `left`, of places of the axis: found by steps from `x` that begin with `step` mm and are halved down
+/// to `finest`. With a place comes what is left by the best so far.
+pub fn least_over_places(
+    mut x: DVec2,
+    [mut step, finest]: [f64; 2],
+    mut left: impl FnMut(DVec2, Option<f64>) -> Option<(f64, DVec3)>,
+) -> Option<(f64, DVec3)> {
+    let mut best = left(x, None);
+    let mut better = |there: DVec2, best: &mut Option<(f64, DVec3)>| {
+        let found = left(there, best.map(|(mm, _)| mm));
+        let is_better = is_less(&found, best);
+        if is_better {
+            *best = found;
+        }
+        is_better
+    };
+    // The exact tool is wider than that of the images: beside a wall it may stop on top of that.
+    for farther in FARTHER {
+        if best.is_some() {
+            break;
+        }
+        let from = x;
+        for [i, j] in AROUND {
+            let there = from + DVec2::new(i, j) * (farther * step);
+            if better(there, &mut best) {
+                x = there;
+            }
+        }
+    }
+    while step > finest && best.is_none_or(|(left, _)| left > 0.0) {
+        let mut moved = None;
+        for [i, j] in AROUND {
+            let there = x + DVec2::new(i, j) * step;
+            if better(there, &mut best) {
+                moved = Some(there);
+            }
+        }
+        match moved {
+            Some(there) => x = there,
+            None => step *= 0.5,
+        }
+    }
+    best
+}
+
+/// Where a line is within a radius of an axis at `x`, from its begin.
+pub fn within(way: DVec3, x: DVec2, radius: f64) -> Option<[f64; 2]> {
+    let (across, a) = (way.truncate(), way.truncate().length_squared());
+    let (b, c) = (-x.dot(across), x.length_squared() - radius * radius);
+    if a > 1e-18 {
+        let root = b * b - a * c;
+        if root < 0.0 {
+            return None;
+        }
+        let root = root.sqrt();
+        return Some([(-b - root) / a, (-b + root) / a]);
+    }
+    (c <= 0.0).then_some([f64::NEG_INFINITY, f64::INFINITY])
 }
 
 /// Steps from the place of the images at which a pose is looked for if there is none.

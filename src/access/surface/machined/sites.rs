@@ -1,17 +1,19 @@
 //! The rest at every site.
 
 use super::super::obstacles::{TriangleObstacles, contacts};
-use super::super::profile::Frame;
+use super::super::profile::{Frame, ProfileTool, Underside};
 use super::super::query::Scratch;
+use super::super::tolerance::Tolerances;
 use super::super::tool::Outline;
 use super::super::triangle::nearest;
 use super::super::{SurfaceOptions, WitnessPose};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, Heights};
 use super::pose::{Dropped, Line};
+use super::profile::{AnyTool, Leaves};
 use super::swept::Swept;
 use super::view::View;
-use crate::cutter::{Cutter, require_steps};
+use crate::cutter::{Cutter, Profile};
 use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::simd::extremes::{TILE_HEIGHT, TILE_WIDTH};
@@ -90,7 +92,7 @@ impl TriangleObstacles {
     /// ```
     ///
     /// # Errors
-    /// As [`TriangleObstacles::label`]; if the tool is given by a profile, or the images would not fit into the memory.
+    /// As [`TriangleObstacles::label`]; if the images would not fit into the memory.
     ///
     /// # Panics
     /// If a number is that of no site.
@@ -103,7 +105,6 @@ impl TriangleObstacles {
     ) -> Result<(Vec<f32>, Vec<Option<WitnessPose>>)> {
         let _floats = par::DefaultFloats::set();
         options.check()?;
-        require_steps(cutter.profile(), "leave the rest out")?;
         let outline = Outline::new(cutter, options.finish_mm);
         let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
         let contacts = contacts(sites)?;
@@ -119,16 +120,29 @@ impl TriangleObstacles {
         let mut searches: Vec<Search> = searches.into_iter().flatten().collect();
         let frames = self.frames(directions, options)?;
         let pitch = pitch(stock, &outline);
-        self.by_images(&mut searches, &frames, (&outline, tolerances.least, pitch))?;
-        let cutting = Cutting::new(&outline, CUTS * tolerances.least);
-        let (bvh, tolerances, of) = (&self.bvh, &tolerances, &outline);
-        let dropped = Dropped { bvh, tolerances, outline: of, cutting: &cutting };
-        let found = by_poses(&searches, &frames, (&dropped, pitch));
+        let of = (cutter.profile(), &outline);
+        self.by_images(&mut searches, &frames, (of, tolerances.least, pitch))?;
+        let found = match cutter.profile() {
+            None => {
+                let cutting = Cutting::new(&outline, CUTS * tolerances.least);
+                let (bvh, tolerances, of) = (&self.bvh, &tolerances, &outline);
+                let dropped = Dropped { bvh, tolerances, outline: of, cutting: &cutting };
+                by_poses(&searches, &frames, (&dropped, pitch))
+            }
+            Some(profile) => {
+                let tolerances = (&tolerances, options.finish_mm);
+                self.by_any_poses(&searches, &frames, (profile, tolerances, pitch))
+            }
+        };
         let (mut rests, mut poses) = (vec![0.0; sites.len()], vec![None; sites.len()]);
         for (&i, (mm, pose)) in which.iter().zip(found) {
             rests[i] = mm as f32;
             poses[i] = pose.map(|(frame, reference)| {
-                WitnessPose::new(&outline, reference, frames[frame].direction)
+                let direction = frames[frame].direction;
+                match cutter.profile() {
+                    None => WitnessPose::new(&outline, reference, direction),
+                    Some(_) => WitnessPose { direction, tip_mm: reference },
+                }
             });
         }
         Ok((rests, poses))
@@ -139,12 +153,15 @@ impl TriangleObstacles {
         &self,
         searches: &mut [Search],
         frames: &[Frame],
-        (outline, tolerance, pitch): (&Outline, f64, f64),
+        ((profile, outline), tolerance, pitch): ((Option<&Profile>, &Outline), f64, f64),
     ) -> Result<()> {
         let shrink =
             (pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerance).min(0.5 * outline.radius());
         let region = self.region(self.stock(), outline);
-        let footprint = Footprint::new(outline, shrink, pitch);
+        let footprint = match profile {
+            None => Footprint::new(outline, shrink, pitch),
+            Some(profile) => Footprint::of_profile(Underside::new(profile, shrink), pitch),
+        };
         let margin = footprint.margin();
         let across = (region[1] - region[0]).length() / pitch + 2.0 * margin as f64;
         let needed = (PIXEL_BYTES * across * across) as u64;
@@ -158,6 +175,41 @@ impl TriangleObstacles {
             along.heights.recycle(&buffers);
         }
         Ok(())
+    }
+
+    /// As [`by_poses`], of a tool of any profile.
+    fn by_any_poses(
+        &self,
+        searches: &[Search],
+        frames: &[Frame],
+        (profile, (tolerances, finish), pitch): (&Profile, (&Tolerances, f64), f64),
+    ) -> Vec<Found> {
+        let tool = ProfileTool::new(&self.bvh, tolerances, profile, finish);
+        let any = AnyTool::new(&tool, profile, CUTS * tolerances.least);
+        let steps = [pitch, FINEST * pitch];
+        let found = par::map_blocks(searches.len(), BLOCK, |range| {
+            let of = |search: &Search| {
+                let (line, mut best) = (&search.line, None::<(usize, Leaves)>);
+                for candidate in &search.best {
+                    let below = best.map_or(line.length, |(_, best)| best.mm);
+                    if candidate.left > below {
+                        break;
+                    }
+                    let k = candidate.direction as usize;
+                    let found = any.least_straight(line, &frames[k], candidate.x, steps, below);
+                    best = found.map(|found| (k, found)).or(best);
+                }
+                any.least_aside(line, frames, best)
+            };
+            searches[range].iter().map(of).collect::<Vec<_>>()
+        });
+        let found = searches.iter().zip(found.into_iter().flatten());
+        found
+            .map(|(search, leaves)| match leaves {
+                None => (search.line.length, None),
+                Some((frame, Leaves { mm, tip, .. })) => (mm, Some((frame, tip))),
+            })
+            .collect()
     }
 
     /// The part's box.
@@ -214,12 +266,15 @@ fn pitch([low, high]: [DVec3; 2], outline: &Outline) -> f64 {
     (longest / ACROSS_PART).clamp(finest, coarsest).max(longest / MOST_ACROSS)
 }
 
-/// What is left of every line, mm, and the number of the direction that leaves least, with the reference point.
+/// What is left of a line, mm, and the number of the direction that leaves least, with the reference point.
+type Found = (f64, Option<(usize, DVec3)>);
+
+/// For every line.
 fn by_poses(
     searches: &[Search],
     frames: &[Frame],
     (dropped, pitch): (&Dropped, f64),
-) -> Vec<(f64, Option<(usize, DVec3)>)> {
+) -> Vec<Found> {
     let found = par::map_blocks(searches.len(), BLOCK, |range| {
         let mut scratch = Scratch::default();
         let of = |search: &Search| {

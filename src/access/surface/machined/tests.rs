@@ -17,6 +17,8 @@ use crate::par;
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::PI;
 
+mod profiles;
+
 /// A block 40 × 30 × 20 with a pocket 20 × 14, 10 deep, from above: its floor is about (20, 15, 10).
 fn pocket() -> Mesh {
     let mut mesh = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));

@@ -157,7 +157,6 @@ impl Contacts {
         self.starts.partition_point(|start| *start <= along).saturating_sub(1)
     }
 
-    #[cfg(test)]
     pub fn length(&self) -> f64 {
         self.length
     }

@@ -93,6 +93,17 @@ pub(super) fn deepest_from_faces(body: &Body, corners: &[DVec3; 3]) -> Option<DV
     best
 }
 
+/// Calls `each` with points of a triangle at the heights of elements that it may penetrate: where the segments that represent
+/// it come to these heights, leave them, and between.
+pub(super) fn for_some_points(body: &Body, corners: &[DVec3; 3], mut each: impl FnMut(DVec3)) {
+    over(body, corners, (DVec2::ZERO, 0.0), |segment, element| {
+        if let Some([from, to]) = segment.between(element.low, element.high) {
+            [from, 0.5 * (from + to), to].into_iter().for_each(|t| each(segment.at(t)));
+        }
+        false
+    });
+}
+
 /// Calls `test` with the segments that represent a triangle and the elements at their heights in which it may be deeper
 /// than `least`, until it is true.
 fn over(

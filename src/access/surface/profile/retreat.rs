@@ -23,7 +23,7 @@ const PUSHES: usize = 25;
 
 impl ProfileTool<'_> {
     /// Whether a tool may be drawn back along its axis.
-    pub(super) fn retracts_along_axis(
+    pub(in crate::access::surface) fn retracts_along_axis(
         &self,
         frame: &Frame,
         tip: DVec3,
@@ -34,8 +34,19 @@ impl ProfileTool<'_> {
 
     /// Whether a tool may be moved across its axis, and then drawn back.
     pub(super) fn retracts_aside(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
-        if self.pushed_aside(frame, tip).is_some_and(|by| !self.is_way_blocked(frame, tip, by)) {
-            return true;
+        self.way_aside(frame, tip, last).is_some()
+    }
+
+    /// A move across the axis after which a tool may be drawn back.
+    pub(in crate::access::surface) fn way_aside(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        last: &mut Option<u32>,
+    ) -> Option<DVec2> {
+        let pushed = self.pushed_aside(frame, tip);
+        if let Some(by) = pushed.filter(|by| !self.is_way_blocked(frame, tip, *by)) {
+            return Some(by);
         }
         for k in 0..DIRECTIONS {
             let angle = TAU * (k as f64 / DIRECTIONS as f64);
@@ -46,12 +57,23 @@ impl ProfileTool<'_> {
                     break;
                 }
                 if self.retracts_along_axis(frame, frame.moved(tip, toward * length), last) {
-                    return true;
+                    return Some(toward * length);
                 }
                 length *= FACTOR;
             }
         }
-        false
+        None
+    }
+
+    /// Whether a move across the axis is free, and the tool may be drawn back after it.
+    pub(in crate::access::surface) fn is_way_out(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        by: DVec2,
+    ) -> bool {
+        self.retracts_along_axis(frame, frame.moved(tip, by), &mut None)
+            && !self.is_way_blocked(frame, tip, by)
     }
 
     /// By how much across its axis the tool is clear of what it would penetrate on its way out.
