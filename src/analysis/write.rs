@@ -7,7 +7,7 @@ use crate::Result;
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, formats};
 use crate::report::export::Extra;
-use crate::report::folder::{self, REGION, SURFACE, Show};
+use crate::report::folder::{self, Former, REGION, SURFACE, Show};
 use crate::report::page::{LivePage, Page, View};
 use crate::report::{PartView, Scene};
 use std::path::{Path, PathBuf};
@@ -66,7 +66,8 @@ impl Placed {
 
 impl Outcome {
     /// Writes what `deepmill label` writes; returns the paths. Every file is written under another name and then
-    /// renamed: one that is there is whole.
+    /// renamed: one that is there is whole. Files of former results in these folders that are not written again are
+    /// removed: they are about another part, or other tools.
     ///
     /// Of each tool, in `folder` or in a folder of its own: `labels.npz`, `labels.ply`, `labels.png`, `findings.json`,
     /// `findings.csv`. In `folder`: of several tools `tools.csv`, `tools.ply`, `tools.png` and the findings that no
@@ -84,13 +85,14 @@ impl Outcome {
         let outlines = self.placed.outlines();
         let outlines = &outlines[..];
         let (show, unit, n_tools) = (files.show(), files.unit, self.tools().len());
-        let mut paths = Vec::new();
+        let (mut paths, former) = (Vec::new(), Former::of(folder));
         report(observer, Stage::Writing, (0, n_tools))?;
         for (k, (tool, answer)) in self.tools().iter().zip(self.answers()).enumerate() {
             let of_tool = match self.has_folders() {
                 false => folder.to_path_buf(),
                 true => folder.join(tool.folder()),
             };
+            let former = self.has_folders().then(|| Former::of(&of_tool));
             let file = self.file(k)?;
             paths.extend(folder::write_labels(&of_tool, &file, Scene { mesh, outlines }, show)?);
             for extra in &files.also {
@@ -98,6 +100,7 @@ impl Outcome {
             }
             let about = (&*file.provenance.part, &*file.provenance.tool);
             paths.extend(answer.findings.write(&of_tool, about, unit)?);
+            former.map_or(Ok(()), |former| former.remove_but(&paths))?;
             report(observer, Stage::Writing, (k + 1, n_tools))?;
         }
         let part = self.part();
@@ -116,6 +119,7 @@ impl Outcome {
         if let Some(fixtures) = &self.placed.fixtures() {
             paths.push(folder::write_fixtures(folder, fixtures)?);
         }
+        former.remove_but(&paths)?;
         Ok(paths)
     }
 

@@ -1,6 +1,7 @@
 //! The files of a folder of results: data, colored points and pictures of labels, predictions and their difference.
 
 mod caption;
+mod former;
 pub(super) mod rest;
 
 use super::export::{self, Extra};
@@ -12,6 +13,7 @@ use crate::answers::SiteAnswers;
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
 use crate::geom::{Mesh, Sites, formats};
 use caption::setup;
+pub use former::{Former, LIKE_INPUTS, require_kept};
 use std::path::{Path, PathBuf};
 
 /// Names of the data files in a report's folder.

@@ -1,5 +1,6 @@
 //! Arguments that several commands share: the cutter, the sites, the directions.
 
+use crate::out_folder::check_out;
 use crate::output::Output;
 use deepmill::analysis::Analysis;
 use deepmill::cutter::CutterParams;
@@ -11,7 +12,7 @@ use deepmill::geom::sites::{self, Normals, SiteOptions, VertexNormals};
 use deepmill::geom::units::{Length, Unit};
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::gate::Limit;
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -465,7 +466,7 @@ impl OutArgs {
 
     /// Passes if there is none, or if it can be written.
     pub fn check(&self) -> Result<()> {
-        self.given().map_or(Ok(()), atomic_file::check_writable_folder)
+        self.given().map_or(Ok(()), check_out)
     }
 
     /// The folder of a command that requires one.

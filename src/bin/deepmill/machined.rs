@@ -4,6 +4,7 @@ use crate::args::{DirectionArgs, ToolArgs, called, millimeters, name_of};
 use crate::clock::Clock;
 use crate::machine::{MachineOrFile, machine_or_file};
 use crate::mesh_args::{MeshArgs, warn_wide_tools};
+use crate::out_folder::check_out;
 use crate::output::Output;
 use crate::part_itself::SurfaceArgs;
 use crate::premise::premise;
@@ -11,7 +12,7 @@ use crate::progress::Bars;
 use deepmill::access::setups::{Machine, direction_of_words};
 use deepmill::analysis::{Analysis, MachinedOutcome, SetupRequest, Stock};
 use deepmill::report::tables::{Cell, Facts};
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -86,7 +87,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let machine = args.machine.as_ref().map(MachineOrFile::machine).transpose()?;
     let setups = machine.clone().map(|machine| args.setups_on(machine)).transpose()?;
     let files = output.forms(!args.no_picture, false, &[])?;
-    atomic_file::check_writable_folder(&args.out)?;
+    check_out(&args.out)?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(&args.part, false, output)?;
     warn_wide_tools(&mesh, &tools, output);

@@ -22,6 +22,7 @@ mod machine;
 mod machined;
 mod mesh_args;
 mod model_args;
+mod out_folder;
 mod output;
 mod parity;
 mod part_itself;

@@ -4,6 +4,7 @@ use crate::args::{DirectionArgs, GateArgs, SiteArgs, ToolArgs, called, name_of};
 use crate::clock::Clock;
 use crate::mesh_args::{Accept, MeshArgs, warn_wide_tools};
 use crate::model_args::ModelArgs;
+use crate::out_folder::check_out;
 use crate::output::Output;
 use crate::progress::Bars;
 use deepmill::access::LabelOptions;
@@ -15,7 +16,7 @@ use deepmill::data::files::PredictionFile;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::model::Predictor;
 use deepmill::report::tables::{Cell, Facts, Table};
-use deepmill::{Error, Result, atomic_file};
+use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -92,7 +93,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let (tools, left_out) = known_to_networks(args.tools.tools(output)?)?;
     left_out.iter().for_each(|tool| output.warn(tool));
     let files = output.forms(!args.no_picture, args.report, &args.also)?;
-    atomic_file::check_writable_folder(&args.out)?;
+    check_out(&args.out)?;
     let request = args.request()?;
     let mut clock = Clock::start();
     let part = args.read.read_part(&args.part, Accept::bodies_or(args.force), output)?;

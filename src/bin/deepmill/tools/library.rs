@@ -1,5 +1,6 @@
 //! A library by itself: written as it was understood, and drawn.
 
+use crate::out_folder::check_out_of;
 use crate::output::Output;
 use clap::ValueEnum;
 use deepmill::data::files::tools::{Tool, to_csv, to_json};
@@ -34,7 +35,7 @@ impl LibraryArgs {
         if self.export.is_none() && !self.show {
             return Ok(written);
         }
-        atomic_file::check_writable_folder(folder)?;
+        check_out_of(folder, &["library.csv", "library.json"])?;
         if let Some(format) = self.export {
             let (name, bytes) = match format {
                 Format::Csv => ("library.csv", to_csv(tools)),

@@ -1,0 +1,87 @@
+//! Folders of results: no file that is read is replaced, and nothing of former results is taken for new.
+#![cfg(feature = "cli")]
+
+mod command;
+
+use command::{Folder, block, deepmill, failure, stl, text};
+
+/// Tables, parts and fixtures keep their bytes, whatever the folder of the results; files that a command has written itself
+/// may be given again.
+#[test]
+fn results_replace_no_file_that_is_read() {
+    let folder = Folder::new();
+    let part = folder.file("part.stl", stl(&block([0.0; 3], [20.0; 3])));
+    let table = "name,diameter,corner,flute_length,shank,stick_out\nA,6,3,20,6,40\nB,2,1,20,6,40\n";
+    let tools = folder.file("tools.csv", table);
+    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
+    let other = folder.file("other.stl", stl(&block([0.0; 3], [20.0; 3])));
+    let (here, out) = (folder.path(""), folder.path("out"));
+    let of = |part: &str, tools: &str, out: &str| {
+        let args = ["label", part, "--tools", tools, "--holder", &holder, "--out", out];
+        deepmill(&[&args[..], &["--sites", "200", "--no-picture"]].concat())
+    };
+    for (part, name) in [(&part, "part.stl"), (&other, "tools.csv")] {
+        let before = std::fs::read(folder.path(name)).unwrap();
+        let error = failure(&of(part, &tools, &here), 1);
+        assert!(error.contains(name) && error.contains("would replace it"), "{error}");
+        assert_eq!(std::fs::read(folder.path(name)).unwrap(), before);
+    }
+    assert!(of(&part, &tools, &out).status.success());
+    let again = of(&folder.path("out/part.stl"), &folder.path("out/tools.csv"), &out);
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    let export = ["tools", "--library", &tools, "--holder", &holder, "--export", "csv"];
+    assert!(deepmill(&[&export[..], &["--out", &here]].concat()).status.success());
+    let library = folder.path("library.csv");
+    let export = ["tools", "--library", &library, "--export", "csv", "--out", &here];
+    assert!(failure(&deepmill(&export), 1).contains("library.csv"));
+}
+
+/// A folder of results is about one run: what an earlier one has left is gone, other files stay.
+#[test]
+fn former_results_are_not_taken_for_new_ones() {
+    let folder = Folder::new();
+    let part = folder.file("part.stl", stl(&block([0.0; 3], [20.0; 3])));
+    let (out, clamp) =
+        (folder.path("out"), folder.file("clamp.stl", stl(&block([30.0; 3], [40.0; 3]))));
+    let run = |more: &[&str]| {
+        let args = ["label", &part, "--out", &out, "--sites", "200", "--cutter", "3,20,20,40"];
+        let ran = deepmill(&[&args[..], more].concat());
+        assert!(ran.status.success(), "{}", text(&ran.stderr));
+    };
+    run(&["--cutter", "1,20,20,40", "--rest", "--report", "--fixture", &clamp]);
+    // Of the user, and of another program.
+    for name in ["notes.txt", "safety_status.txt", "visibility_matrix.txt"] {
+        std::fs::write(format!("{out}/{name}"), "kept").unwrap();
+    }
+    std::fs::write(folder.path("out/3-20-20-40/region.stl"), "solid of another\n").unwrap();
+    run(&["--no-picture"]);
+    let mut names: Vec<String> = std::fs::read_dir(&out)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.contains('.'))
+        .collect();
+    names.sort();
+    let expected = [
+        "findings.csv",
+        "findings.json",
+        "labels.npz",
+        "labels.ply",
+        "notes.txt",
+        "part.stl",
+        "safety_status.txt",
+        "visibility_matrix.txt",
+    ];
+    assert_eq!(names, expected);
+    // The page is about this run, not about the two tools.
+    let report = deepmill(&["report", &out]);
+    assert!(report.status.success(), "{}", text(&report.stderr));
+    let page = std::fs::read_to_string(folder.path("out/report.html")).unwrap();
+    assert!(!page.contains("1-20-20-40"));
+    run(&["--cutter", "1,20,20,40", "--no-picture"]);
+    assert!(std::fs::metadata(folder.path("out/labels.npz")).is_err());
+    assert_eq!(
+        std::fs::read_to_string(folder.path("out/3-20-20-40/region.stl")).unwrap(),
+        "solid of another\n"
+    );
+    assert!(std::fs::metadata(folder.path("out/3-20-20-40/rest.ply")).is_err());
+}
