@@ -2,8 +2,12 @@
 //!
 //! ```text
 //! tip, where no step blocks some direction
-//! for the parts from the spindle down: what is below it, labeled at the sites left: blocked by this part where that is free
+//! cutter at all others
+//! for the parts from the shank up: what is below it, labeled at the sites left: where that is free, this part instead; where not, done
 //! ```
+//!
+//! A site that stays blocked, for which every direction must be tested, is labeled once. Among points, where labels of
+//! several tools share their work, all are labeled.
 //!
 //! Of a tool given by its profile, sites that are inaccessible without spindle and holder are blocked by the shank:
 //! neck, shank or what else does not cut. In no pose does only what cuts penetrate there, or they were no such sites.
@@ -62,27 +66,24 @@ impl TriangleObstacles {
         let mut parts: Vec<Option<ToolPart>> =
             answers.iter().map(|answer| at_least(*answer)).collect();
         let mut left = inaccessible(answers);
-        let truncated = truncated(tool, clearance_mm)?;
-        if tool.profile().is_some() {
-            left.iter().for_each(|&i| parts[i] = Some(ToolPart::Shank));
-            (0..is_free.len()).filter(|&i| is_free[i]).for_each(|i| parts[i] = None);
-            left.retain(|&i| parts[i].is_some());
-            // From below: of the sites that need every direction, each is labeled once.
-            for (part, cutter) in truncated.into_iter().rev() {
-                let labels = self.of_left((sites, &left), &cutter, directions, options)?;
-                let blocked = labels.answers.iter().zip(&labels.retreat_unproven);
-                let mut blocked = blocked
-                    .map(|(answer, is_free)| *answer == SiteAnswer::Inaccessible && !is_free);
-                left.retain(|_| !blocked.next().unwrap_or(true));
-                left.iter().for_each(|&i| parts[i] = Some(part));
+        let mut options = *options;
+        match tool.profile() {
+            Some(_) => {
+                left.iter().for_each(|&i| parts[i] = Some(ToolPart::Shank));
+                (0..is_free.len()).filter(|&i| is_free[i]).for_each(|i| parts[i] = None);
+                left.retain(|&i| parts[i].is_some());
             }
-            return Ok(parts);
+            None => options.refinement = None,
         }
-        for (part, cutter) in truncated {
-            let options = SurfaceOptions { refinement: None, ..*options };
+        // From below: a site that no direction frees without a part keeps what is named so far; it is not labeled again.
+        for (part, cutter) in truncated(tool, clearance_mm)?.into_iter().rev() {
             let labels = self.of_left((sites, &left), &cutter, directions, &options)?;
-            let blocked = labels.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible);
-            assign(part, &mut parts, &mut left, blocked);
+            let is_blocked = |k: usize| {
+                labels.answers[k] == SiteAnswer::Inaccessible
+                    && !labels.retreat_unproven.get(k).is_some_and(|is_free| *is_free)
+            };
+            left = (0..left.len()).filter(|&k| !is_blocked(k)).map(|k| left[k]).collect();
+            left.iter().for_each(|&i| parts[i] = Some(part));
         }
         Ok(parts)
     }
