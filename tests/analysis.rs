@@ -6,7 +6,9 @@ mod command;
 use command::{Folder, block, deepmill, stl};
 use deepmill::Error;
 use deepmill::access::LabelOptions;
-use deepmill::analysis::{Analysis, Files, Fixture, PredictRequest, Progress, SetupRequest, Stage};
+use deepmill::analysis::{
+    Analysis, Files, Fixture, Outcome, PredictRequest, Progress, SetupRequest, Stage,
+};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
@@ -56,12 +58,24 @@ fn bytes(folder: &str) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// `label` and the analysis write the same folders.
+/// `label` and the analysis write the same folders, from which the outcome is read back.
 fn same(folder: &Folder, name: &str, analysis: Analysis, arguments: &[&str]) {
-    let write = |to: &Path, files: &Files| {
-        analysis.run(&mut ()).unwrap().write(to, files, &mut ()).unwrap()
-    };
+    let outcome = analysis.run(&mut ()).unwrap();
+    let write = |to: &Path, files: &Files| outcome.write(to, files, &mut ()).unwrap();
     same_files(folder, name, &[&["label"], arguments].concat(), write);
+    let by_command = folder.path(&format!("{name}-1"));
+    let read = Outcome::read(by_command.as_ref()).unwrap();
+    assert!(read == outcome, "{name}");
+    let again = folder.path(&format!("{name}-3"));
+    read.write(again.as_ref(), &files(arguments), &mut ()).unwrap();
+    assert!(bytes(&again) == bytes(&by_command), "{name}");
+}
+
+/// The files that a command writes.
+fn files(arguments: &[&str]) -> Files {
+    let mut files = Files::shown(arguments.contains(&"--report"));
+    files.pictures = !arguments.contains(&"--no-picture");
+    files
 }
 
 /// A command and a program write the same folders.
@@ -75,9 +89,7 @@ fn same_files(
         (folder.path(&format!("{name}-1")), folder.path(&format!("{name}-2")));
     let output = deepmill(&[arguments, &["--out", &by_command]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut files = Files::shown(arguments.contains(&"--report"));
-    files.pictures = !arguments.contains(&"--no-picture");
-    let paths = write(by_program.as_ref(), &files);
+    let paths = write(by_program.as_ref(), &files(arguments));
     let (command, program) = (bytes(&by_command), bytes(&by_program));
     assert_eq!(paths.len(), program.len(), "every file is named");
     assert_eq!(command.keys().collect::<Vec<_>>(), program.keys().collect::<Vec<_>>());

@@ -67,6 +67,7 @@ fn former_results_are_not_taken_for_new_ones() {
         "labels.npz",
         "labels.ply",
         "notes.txt",
+        "outcome.npz",
         "part.stl",
         "safety_status.txt",
         "visibility_matrix.txt",

@@ -9,6 +9,7 @@ use crate::geom::{Mesh, Sites, bodies};
 use crate::report::findings::{Findings, add_fixtures};
 use crate::{Error, Result};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// A fixture may share this of the part's volume: roundings of faces that lie on each other.
 const ROUNDING: f64 = 1e-6;
@@ -162,7 +163,7 @@ impl Fixture {
 }
 
 /// What fixtures keep each tool from.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct KeptOut {
     /// Names of what keeps tools off: each fixture, the table, and if there are more than one, `several fixtures`.

@@ -36,6 +36,7 @@ mod observer;
 mod outcome;
 mod placed;
 mod predictions;
+mod record;
 mod region;
 mod setups;
 mod thin;
@@ -81,6 +82,7 @@ use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::Selection;
 use crate::geom::sites::{Normals, SiteOptions, VertexNormals};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// What is requested of a part.
 ///
@@ -106,10 +108,11 @@ use glam::DVec3;
 /// }
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Analysis {
     part: String,
     /// Taken when the sites are placed.
+    #[serde(skip)]
     shape: Option<MeshOrCloud>,
     is_cloud: bool,
     origin: Option<DVec3>,
@@ -119,11 +122,16 @@ pub struct Analysis {
     /// Whether the tools are those that there are.
     is_library: bool,
     sites: Placement,
-    /// Those of the part's file.
+    /// Those of the part's file, taken likewise.
+    #[serde(skip)]
     file_vertices: Option<FileVertices>,
     region: Option<Region>,
+    /// Taken likewise.
+    #[serde(skip)]
     directions: Option<Directions>,
     obstacles: Option<Blocking>,
+    /// Once the sites are placed, with the table as the last.
+    #[serde(skip)]
     fixtures: Vec<Fixture>,
     table_z_mm: Option<f64>,
     prove: bool,
@@ -133,7 +141,7 @@ pub struct Analysis {
 }
 
 /// Where the sites are.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum Placement {
     Spread(SiteOptions),
     /// The corners of the mesh; the seed is that of further obstacles.
@@ -144,8 +152,10 @@ enum Placement {
 }
 
 /// A region, and how it was named.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Region {
+    /// Taken when the sites are placed.
+    #[serde(skip)]
     selection: Selection,
     only: Vec<String>,
     except: Vec<String>,

@@ -32,7 +32,7 @@ pub struct ToolOutcome {
     pub findings: Findings,
 }
 
-/// Every answer once, and what follows.
+/// Every answer once, and what follows. Two are equal whatever [`Outcome::seconds`] they took.
 #[derive(Debug)]
 pub struct Outcome {
     pub(super) placed: Placed,
@@ -160,16 +160,21 @@ impl Outcome {
     /// # Panics
     /// If there is no such tool.
     pub fn file(&self, tool: usize) -> Result<LabelFile> {
+        let provenance = self.provenance(tool)?;
+        let labels = self.answers[tool].labels.clone();
+        let (sites, vertices) = (self.sites().clone(), self.placed.vertices.clone());
+        Ok(LabelFile { provenance, sites, labels, vertices })
+    }
+
+    /// What decided the answers of a tool, as their file states it.
+    pub(super) fn provenance(&self, tool: usize) -> Result<Provenance> {
         let of = &self.tools()[tool];
-        let provenance = Provenance {
+        Ok(Provenance {
             part: self.part().to_owned(),
             cutter: of.params,
             tool: of.words(),
             settings: self.settings(tool)?,
-        };
-        let labels = self.answers[tool].labels.clone();
-        let (sites, vertices) = (self.sites().clone(), self.placed.vertices.clone());
-        Ok(LabelFile { provenance, sites, labels, vertices })
+        })
     }
 
     /// The answers of a tool, to be explained.

@@ -14,7 +14,7 @@ use crate::data::files::tools::Tool;
 use crate::directions::Directions;
 use crate::geom::file_vertices::SiteVertices;
 use crate::geom::formats::MeshOrCloud;
-use crate::geom::selection::Region;
+use crate::geom::selection::{Region, Selection};
 use crate::geom::sites::{self, SiteOptions};
 use crate::geom::spacing::areas_on;
 use crate::geom::{Mesh, Sites};
@@ -42,8 +42,8 @@ pub struct Placed {
     pub(super) region: Option<(Region, Sites)>,
     /// Points of the surface that block beside the sites.
     pub(super) more: Option<Sites>,
-    warnings: Vec<String>,
-    seconds: f64,
+    pub(super) warnings: Vec<String>,
+    pub(super) seconds: f64,
 }
 
 /// Sites on a part.
@@ -79,6 +79,11 @@ impl Analysis {
             let remedy = "take the triangles of a mesh as obstacles, or leave the rest out";
             return Err(Error::argument("rest", found, expected, remedy));
         }
+        if blocking == Blocking::Part {
+            // Nothing else of these options decides any answer: requests are equal without it.
+            let engine = self.published.engine;
+            self.published = LabelOptions { engine, ..LabelOptions::published() };
+        }
         let directions = self.take_directions(blocking)?;
         let (mesh, on_part) = match self.shape.take() {
             None => (None, OnPart::default()),
@@ -97,6 +102,8 @@ impl Analysis {
         report(observer, Stage::Sites, (1, 1))?;
         let seconds = started.elapsed().as_secs_f64();
         let OnPart { sites, vertices, region } = on_part;
+        self.file_vertices = None;
+        self.region.iter_mut().for_each(|named| named.selection = Selection::default());
         let request = self;
         Ok(Placed {
             request,

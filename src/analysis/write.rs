@@ -71,7 +71,8 @@ impl Outcome {
     ///
     /// Of each tool, in `folder` or in a folder of its own: `labels.npz`, `labels.ply`, `labels.png`, `findings.json`,
     /// `findings.csv`. In `folder`: of several tools `tools.csv`, `tools.ply`, `tools.png` and the findings that no
-    /// tool reaches; `part.stl`, `region.stl`, `fixtures.stl`, `report.html`.
+    /// tool reaches; `part.stl`, `region.stl`, `fixtures.stl`, `report.html`, and `outcome.npz`, with which
+    /// [`Outcome::read`] reads it all back.
     ///
     /// # Errors
     /// If the system refuses a file, or the observer stops it.
@@ -119,6 +120,7 @@ impl Outcome {
         if let Some(fixtures) = &self.placed.fixtures() {
             paths.push(folder::write_fixtures(folder, fixtures)?);
         }
+        paths.push(self.write_record(folder)?);
         former.remove_but(&paths)?;
         Ok(paths)
     }

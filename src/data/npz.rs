@@ -231,7 +231,15 @@ impl NpzReader {
     /// # Errors
     /// As [`NpzReader::f32s`], and for numbers that are fractional, negative or too great for `T`.
     pub fn counts<T: TryFrom<i64>>(&mut self, name: &str) -> Result<Vec<T>> {
-        let values = self.whole(name, 1)?;
+        self.count_rows(name, 1)
+    }
+
+    /// As [`NpzReader::counts`], of `n_columns` per row, row-major.
+    ///
+    /// # Errors
+    /// As [`NpzReader::counts`].
+    pub fn count_rows<T: TryFrom<i64>>(&mut self, name: &str, n_columns: usize) -> Result<Vec<T>> {
+        let values = self.whole(name, n_columns)?;
         let counts: Option<Vec<T>> = values.into_iter().map(|v| T::try_from(v).ok()).collect();
         counts.ok_or_else(|| {
             self.bad(name, "a number is negative or too great".into(), "store counts")

@@ -33,7 +33,7 @@ use std::collections::HashMap;
 /// assert!((top.mesh.area() - 40.0 * 30.0).abs() < 1e-6); // mm²
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Selector {
     /// All between two corners, mm; faces on its border are within.
@@ -73,7 +73,7 @@ pub enum Selector {
 /// let region = Selection::default().with_only(vec![up]).of(&solids::cuboid(DVec3::splat(10.0)))?;
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Selection {
     /// What any of these holds; everything, if there are none.
@@ -214,6 +214,12 @@ impl Selection {
 }
 
 impl Region {
+    /// Of which every piece is in the region; `None` if there is not one number of a face for each.
+    pub(crate) fn whole(mesh: Mesh, faces: Vec<u32>) -> Option<Self> {
+        let n = mesh.triangles.len();
+        (faces.len() == n).then(|| Region { mesh, faces, is_in: vec![true; n] })
+    }
+
     /// Sites on [`Region::mesh`], with the part's triangles as their faces.
     ///
     /// # Panics

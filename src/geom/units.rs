@@ -6,6 +6,7 @@ pub use length::Length;
 
 use crate::{Error, Result};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
@@ -15,7 +16,8 @@ const PLAUSIBLE_MM: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
 const TYPICAL_MM: f64 = 100.0;
 
 /// A unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Unit {
     /// Millimeter.

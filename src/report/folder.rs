@@ -22,6 +22,9 @@ pub const LABELS: &str = "labels.npz";
 pub const PREDICTIONS: &str = "predictions.npz";
 pub use crate::data::files::label_query::{FIXTURES, SURFACE};
 
+/// What of an outcome is not about one tool's answers, beside [`LABELS`].
+pub const OUTCOME: &str = "outcome.npz";
+
 /// The surface of a region of interest, mm, beside [`SURFACE`].
 pub const REGION: &str = "region.stl";
 

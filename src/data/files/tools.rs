@@ -25,6 +25,7 @@ mod linuxcnc;
 mod names;
 mod place;
 mod reading;
+mod serialized;
 mod shop;
 mod table;
 mod unpack;
@@ -36,6 +37,7 @@ use crate::geom::units::Unit;
 use crate::geom::units::length::tidy;
 use crate::{Error, Result};
 use names::{folder_name, in_one_line};
+use serde::{Deserialize, Serialize};
 
 #[doc(hidden)] // of the program
 pub use export::{to_csv, to_json};
@@ -68,7 +70,8 @@ pub(crate) use table::{steps_of_words, steps_words};
 /// assert!(error.contains("more than -CR = -3 mm"), "{error}");
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "serialized::Stated")]
 pub struct Tool {
     /// Name as its file has it.
     pub name: String,

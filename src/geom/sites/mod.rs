@@ -261,7 +261,7 @@ pub fn from_vertices(mesh: &Mesh) -> Result<Sites> {
 }
 
 /// How the faces around a vertex weigh in its normal.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[doc(hidden)] // of the program
 pub enum VertexNormals {
     /// By their angle at the vertex: the normal does not depend on how faces are cut into triangles.

@@ -1,6 +1,6 @@
 //! What a folder holds of former results.
 
-use super::{FIRST_TOOLS, FIXTURES, LABELS, REGION, SURFACE};
+use super::{FIRST_TOOLS, FIXTURES, LABELS, OUTCOME, REGION, SURFACE};
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Read;
@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// Names that `label` and `report` give their files, other than [`LABELS`] and [`FIRST_TOOLS`]; not those of DeepMill++, whose
 /// own files may be there to be compared.
-const OTHERS: [&str; 18] = [
+const OTHERS: [&str; 19] = [
+    OUTCOME,
     "labels.ply",
     "labels.png",
     "labels.glb",

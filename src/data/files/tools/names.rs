@@ -46,6 +46,11 @@ pub(super) fn folder_name(name: &str) -> String {
     }
 }
 
+/// Whether it may be one folder's name, wherever it comes from.
+pub(super) fn is_folder(name: &str) -> bool {
+    !name.is_empty() && !name.starts_with('.') && !name.chars().any(is_forbidden)
+}
+
 /// A name in one line; quotes, slashes and blanks within it stay.
 pub(super) fn in_one_line(name: &str) -> String {
     let shown = |c: char| if c.is_control() { ' ' } else { c };

@@ -1,0 +1,400 @@
+//! The record of an outcome: with it the folder is read back whole.
+//!
+//! ```text
+//! labels.npz    of each tool: sites, answers, settings
+//! outcome.npz   the rest: request, directions, meshes in f64; of each tool warnings, findings and counts
+//! ```
+//!
+//! Texts are JSON in arrays of bytes. Times are left out: the same request gives the same files.
+
+use super::Analysis;
+use super::fixtures::{Fixture, KeptOut};
+use super::outcome::{Outcome, ToolOutcome};
+use super::placed::Placed;
+use crate::access::surface::{SurfaceStats, Warning};
+use crate::access::{Labels, Stats};
+use crate::data::files::settings::Blocking;
+use crate::data::files::{LabelFile, Provenance};
+use crate::data::npz::{NpzReader, NpzWriter};
+use crate::directions::Directions;
+use crate::geom::selection::Region;
+use crate::geom::{Mesh, Sites};
+use crate::report::findings::Findings;
+use crate::report::folder::{LABELS, OUTCOME};
+use crate::{Error, Result};
+use glam::DVec3;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+const FORMAT: &str = "deepmill outcome";
+const VERSION: u64 = 1;
+const REMEDY: &str = "label the part again";
+
+/// What is not about one tool.
+#[derive(Serialize, Deserialize)]
+struct OfAll<'a> {
+    /// Its fixtures have their meshes in arrays.
+    request: Cow<'a, Analysis>,
+    fixtures: Vec<Cow<'a, str>>,
+    blocking: Blocking,
+    directions: Cow<'a, Directions>,
+    warnings: Cow<'a, [String]>,
+    notices: Cow<'a, [String]>,
+    kept_out: Cow<'a, Option<KeptOut>>,
+    findings: Cow<'a, Option<Findings>>,
+}
+
+/// What is about one tool and not in its file.
+#[derive(Serialize, Deserialize)]
+struct OfTool<'a> {
+    warnings: Cow<'a, [Warning]>,
+    findings: Cow<'a, Findings>,
+    stats: Stats,
+    surface: Option<OfSurface>,
+}
+
+/// What the file lacks of the mesh definition.
+#[derive(Serialize, Deserialize)]
+struct OfSurface {
+    n_directions: usize,
+    finish_mm: f64,
+    stats: SurfaceStats,
+}
+
+/// Whatever time the sites took.
+impl PartialEq for Placed {
+    fn eq(&self, other: &Self) -> bool {
+        let Placed {
+            request,
+            blocking,
+            directions,
+            mesh,
+            sites,
+            vertices,
+            region,
+            more,
+            warnings,
+            seconds: _,
+        } = self;
+        (request, blocking, directions, mesh, sites)
+            == (&other.request, &other.blocking, &other.directions, &other.mesh, &other.sites)
+            && (vertices, region, more, warnings)
+                == (&other.vertices, &other.region, &other.more, &other.warnings)
+    }
+}
+
+impl PartialEq for Outcome {
+    fn eq(&self, other: &Self) -> bool {
+        let Outcome { placed, answers, of_all, kept_out, notices, seconds: _ } = self;
+        (placed, answers, of_all, kept_out, notices)
+            == (&other.placed, &other.answers, &other.of_all, &other.kept_out, &other.notices)
+    }
+}
+
+impl Outcome {
+    /// Reads what [`Outcome::write`] has written, of whatever [`Files`](super::Files): an equal outcome, but for
+    /// [`Outcome::seconds`], which no file has. Written again, it gives the same bytes.
+    ///
+    /// ```
+    /// use deepmill::analysis::{Analysis, Files, Outcome};
+    /// use deepmill::data::files::tools::Tool;
+    /// use deepmill::{geom::solids, glam::DVec3};
+    ///
+    /// # let temporary = tempfile::tempdir().unwrap();
+    /// # let folder = temporary.path();
+    /// let tool = Tool::new("3,20,20,30".parse()?, None, 0.0)?; // a ball end
+    /// let block = solids::cuboid(DVec3::splat(30.0));
+    /// let outcome = Analysis::new("block", block, vec![tool]).n_sites(200).run(&mut ())?;
+    /// outcome.write(folder, &Files::default(), &mut ())?;
+    /// let read = Outcome::read(folder)?;
+    /// assert_eq!(read, outcome);
+    /// let under = &read.findings().list[0]; // the directions tested are those of the upper half
+    /// assert!(under.normal.z < -0.9 && (under.area_mm2 - 900.0).abs() < 30.0);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the folder has no `outcome.npz`, as those that an earlier version wrote, a file is damaged, or the answers
+    /// of a tool are those of another run.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = &folder.join(OUTCOME);
+        if !path.exists() {
+            let remedy = "label the part again, or read `labels.npz`, with `LabelFile`";
+            return Err(Error::file(
+                path,
+                "file",
+                "there is none: nothing was written here, or by an earlier version",
+                remedy,
+            ));
+        }
+        let mut npz = NpzReader::open(path)?;
+        let metadata = npz.metadata()?;
+        let bad = |found: String| Error::file(path, "metadata.json", found, REMEDY);
+        if metadata["format"] != FORMAT {
+            return Err(bad(format!("the format is {}, expected {FORMAT}", metadata["format"])));
+        }
+        if metadata["version"].as_u64().is_none_or(|version| version > VERSION) {
+            return Err(bad(format!("the version is {}", metadata["version"])));
+        }
+        let all: OfAll = read_text(path, &mut npz, "outcome")?;
+        let mut request = all.request.into_owned();
+        let fixture = |(k, name): (usize, Cow<str>)| {
+            let mesh = read_mesh(path, &mut npz, &format!("fixture_{k}_"))?;
+            Ok(Fixture::new(name, mesh))
+        };
+        request.fixtures =
+            all.fixtures.into_iter().enumerate().map(fixture).collect::<Result<_>>()?;
+        if request.tools.is_empty() {
+            return Err(Error::file(path, "outcome", "no tool", REMEDY));
+        }
+        let mesh = npz.has("vertices").then(|| read_mesh(path, &mut npz, "")).transpose()?;
+        let mut answers = Vec::new();
+        let (mut placed, mut stated) = (None, Vec::new());
+        for (k, tool) in request.tools.iter().enumerate() {
+            let labels = match request.has_folders {
+                false => folder.join(LABELS),
+                true => folder.join(tool.folder()).join(LABELS),
+            };
+            let file = LabelFile::read(&labels)?;
+            let of: OfTool = read_text(path, &mut npz, &format!("tool_{k}"))?;
+            let (labels, answer) =
+                (labels, of.complete((path, &mut npz), (k, &all.directions), file.labels)?);
+            let (sites, _) = placed.get_or_insert((file.sites.clone(), file.vertices));
+            if *sites != file.sites || !is_about(&answer.findings, sites) {
+                return Err(of_another_run(&labels, "points"));
+            }
+            answers.push(answer);
+            stated.push((labels, file.provenance));
+        }
+        let (sites, vertices) = placed.unwrap_or_default();
+        sites.check()?;
+        if let Some(mesh) = &mesh {
+            let n = mesh.triangles.len();
+            if sites.faces.len() != sites.len() || sites.faces.iter().any(|f| *f as usize >= n) {
+                return Err(of_another_run(&stated[0].0, "faces"));
+            }
+        }
+        let region = read_region(path, &mut npz, &sites)?;
+        let more = npz.has("more_points").then(|| read_sites(path, &mut npz)).transpose()?;
+        if all.findings.as_ref().as_ref().is_some_and(|findings| !is_about(findings, &sites)) {
+            return Err(Error::file(path, "outcome", "findings of other sites", REMEDY));
+        }
+        if let Some(kept) = all.kept_out.as_ref() {
+            let is_sound = kept.by_tool.len() == answers.len()
+                && kept.by_tool.iter().all(|of| of.len() == sites.len())
+                && kept.by_tool.iter().flatten().flatten().all(|k| *k < kept.names.len());
+            if !is_sound {
+                return Err(Error::file(path, "outcome", "kept_out is of other sites", REMEDY));
+            }
+        }
+        let outcome = Outcome {
+            placed: Placed {
+                request,
+                blocking: all.blocking,
+                directions: all.directions.into_owned(),
+                mesh,
+                sites,
+                vertices,
+                region,
+                more,
+                warnings: all.warnings.into_owned(),
+                seconds: 0.0,
+            },
+            answers,
+            of_all: all.findings.into_owned(),
+            kept_out: all.kept_out.into_owned(),
+            notices: all.notices.into_owned(),
+            seconds: [0.0; 3],
+        };
+        for (k, (labels, stated)) in stated.iter().enumerate() {
+            if outcome.provenance(k)? != *stated {
+                return Err(of_another_run(labels, "metadata.json"));
+            }
+        }
+        Ok(outcome)
+    }
+
+    /// Writes `outcome.npz`; returns its path.
+    pub(super) fn write_record(&self, folder: &Path) -> Result<PathBuf> {
+        let Placed { request, blocking, directions, mesh, region, more, warnings, .. } =
+            &self.placed;
+        let path = folder.join(OUTCOME);
+        let mut npz = NpzWriter::new();
+        let all = OfAll {
+            request: Cow::Borrowed(request),
+            fixtures: request.fixtures.iter().map(|fixture| Cow::from(&*fixture.name)).collect(),
+            blocking: *blocking,
+            directions: Cow::Borrowed(directions),
+            warnings: Cow::Borrowed(warnings),
+            notices: Cow::Borrowed(&self.notices),
+            kept_out: Cow::Borrowed(&self.kept_out),
+            findings: Cow::Borrowed(&self.of_all),
+        };
+        add_text(&path, &mut npz, "outcome", &all)?;
+        for (k, answer) in self.answers.iter().enumerate() {
+            add_text(&path, &mut npz, &format!("tool_{k}"), &OfTool::of(answer))?;
+            let beta = &answer.labels.beta;
+            if let Some(further) = beta.get(self.placed.sites.len()..).filter(|b| !b.is_empty()) {
+                npz.array(&format!("tool_{k}_further_beta"), &[further.len()], further);
+            }
+        }
+        if let Some(mesh) = mesh {
+            add_mesh(&mut npz, "", mesh);
+        }
+        for (k, fixture) in request.fixtures.iter().enumerate() {
+            add_mesh(&mut npz, &format!("fixture_{k}_"), &fixture.mesh);
+        }
+        if let Some((region, on_region)) = region {
+            add_mesh(&mut npz, "region_", &region.mesh);
+            npz.array("region_faces", &[region.faces.len()], &region.faces);
+            npz.array("region_site_faces", &[on_region.faces.len()], &on_region.faces);
+        }
+        if let Some(more) = more {
+            npz.vectors("more_points", &more.points).vectors("more_normals", &more.normals);
+            npz.array("more_faces", &[more.faces.len()], &more.faces);
+        }
+        npz.metadata(&json!({
+            "format": FORMAT,
+            "version": VERSION,
+            "program": Provenance::PROGRAM,
+            "unit": "mm",
+            "part": request.part,
+            "meaning": "what labels.npz of each tool does not hold; texts are JSON",
+        }));
+        npz.write(&path)?;
+        Ok(path)
+    }
+}
+
+impl<'a> OfTool<'a> {
+    fn of(answer: &'a ToolOutcome) -> Self {
+        let ToolOutcome { labels, warnings, findings } = answer;
+        let surface = labels.surface.as_ref().map(|surface| OfSurface {
+            n_directions: surface.n_directions,
+            finish_mm: surface.finish_mm,
+            stats: surface.stats,
+        });
+        OfTool {
+            warnings: Cow::Borrowed(warnings),
+            findings: Cow::Borrowed(findings),
+            stats: labels.stats,
+            surface,
+        }
+    }
+
+    /// With the answers of its file.
+    fn complete(
+        self,
+        (path, npz): (&Path, &mut NpzReader),
+        (k, directions): (usize, &Directions),
+        mut labels: Labels,
+    ) -> Result<ToolOutcome> {
+        let further = format!("tool_{k}_further_beta");
+        if npz.has(&further) {
+            labels.beta.extend(npz.counts::<u64>(&further)?);
+        }
+        labels.stats = self.stats;
+        match (&mut labels.surface, self.surface) {
+            (Some(surface), Some(of)) => {
+                (surface.n_directions, surface.finish_mm) = (of.n_directions, of.finish_mm);
+                surface.stats = of.stats;
+                surface.clearance_mm = labels.answers.clearance_mm.clone();
+                labels.answers = labels.answers.with_shares_of(of.n_directions);
+            }
+            (None, None) => {
+                labels.answers = labels.answers.with_shares_of(directions.len());
+                let vectors = directions.vectors();
+                let of = |k: &Option<u32>| {
+                    k.map_or(Some(None), |k| Some(Some(*vectors.get(k as usize)?)))
+                };
+                let witness: Option<Vec<_>> = labels.witness.iter().map(of).collect();
+                let none =
+                    || Error::file(path, "outcome", "fewer directions than witnesses name", REMEDY);
+                labels.answers.witness = witness.ok_or_else(none)?;
+            }
+            _ => {
+                let found = "another definition than that of labels.npz";
+                return Err(Error::file(path, format!("tool_{k}"), found, REMEDY));
+            }
+        }
+        let (warnings, findings) = (self.warnings.into_owned(), self.findings.into_owned());
+        Ok(ToolOutcome { labels, warnings, findings })
+    }
+}
+
+/// Whether the findings name sites of these.
+fn is_about(findings: &Findings, sites: &Sites) -> bool {
+    let Findings { list, largest, most_left, of_site, .. } = findings;
+    let mut all = list.iter().chain(largest).chain(most_left);
+    of_site.len() == sites.len() && all.all(|finding| (finding.site as usize) < sites.len())
+}
+
+fn of_another_run(path: &Path, at: &str) -> Error {
+    let found = format!("it is of another run than {OUTCOME}");
+    Error::file(path, at, found, REMEDY)
+}
+
+fn add_text(path: &Path, npz: &mut NpzWriter, name: &str, value: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_vec(value).map_err(|e| Error::write(path, e.into()))?;
+    npz.array(name, &[text.len()], &text);
+    Ok(())
+}
+
+fn read_text<T: DeserializeOwned>(path: &Path, npz: &mut NpzReader, name: &str) -> Result<T> {
+    let text = npz.counts::<u8>(name)?;
+    serde_json::from_slice(&text).map_err(|e| Error::file(path, name, e.to_string(), REMEDY))
+}
+
+fn add_mesh(npz: &mut NpzWriter, prefix: &str, mesh: &Mesh) {
+    let flat: Vec<f64> = mesh.vertices.iter().flat_map(|v| v.to_array()).collect();
+    npz.array(&format!("{prefix}vertices"), &[mesh.vertices.len(), 3], &flat);
+    npz.array(
+        &format!("{prefix}triangles"),
+        &[mesh.triangles.len(), 3],
+        mesh.triangles.as_flattened(),
+    );
+}
+
+fn read_mesh(path: &Path, npz: &mut NpzReader, prefix: &str) -> Result<Mesh> {
+    let (vertices, triangles) = (format!("{prefix}vertices"), format!("{prefix}triangles"));
+    let flat = npz.f64s(&vertices, 3)?;
+    let corners = npz.count_rows::<u32>(&triangles, 3)?;
+    let (places, _) = flat.as_chunks::<3>();
+    let (faces, _) = corners.as_chunks::<3>();
+    let mesh = Mesh {
+        vertices: places.iter().map(|p| DVec3::from_array(*p)).collect(),
+        triangles: faces.to_vec(),
+    };
+    let named = |e: Error| Error::file(path, &*triangles, e.to_string(), REMEDY);
+    mesh.check().map_err(named)?;
+    Ok(mesh)
+}
+
+/// The region with the sites on it.
+fn read_region(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Option<(Region, Sites)>> {
+    if !npz.has("region_faces") {
+        return Ok(None);
+    }
+    let mesh = read_mesh(path, npz, "region_")?;
+    let (faces, of_sites) = (npz.counts("region_faces")?, npz.counts("region_site_faces")?);
+    let region = Region::whole(mesh, faces)
+        .ok_or_else(|| Error::file(path, "region_faces", "not one per triangle", REMEDY))?;
+    let on_region = Sites { faces: of_sites, ..sites.clone() };
+    let is_on = |f: &u32| (*f as usize) < region.faces.len();
+    if !on_region.faces.iter().all(is_on) || region.on_part(&on_region) != *sites {
+        let found = "other faces than those of the sites";
+        return Err(Error::file(path, "region_site_faces", found, REMEDY));
+    }
+    Ok(Some((region, on_region)))
+}
+
+fn read_sites(path: &Path, npz: &mut NpzReader) -> Result<Sites> {
+    let (points, normals) = (npz.vectors("more_points")?, npz.vectors("more_normals")?);
+    let more = Sites { points, normals, faces: npz.counts("more_faces")? };
+    let named = |e: Error| Error::file(path, "more_points", e.to_string(), REMEDY);
+    more.check().map_err(named)?;
+    Ok(more)
+}
