@@ -86,3 +86,28 @@ fn former_results_are_not_taken_for_new_ones() {
     );
     assert!(std::fs::metadata(folder.path("out/3-20-20-40/rest.ply")).is_err());
 }
+
+/// `tools` names tools in a table like that of `label`, but writes no answers per site.
+#[test]
+fn a_table_of_tools_is_not_taken_for_labels() {
+    let folder = Folder::new();
+    let part = folder.file("block.stl", stl(&block([0.0; 3], [20.0; 3])));
+    let tools = folder.file("shop.csv", "name,CR,CH,FR,FH\nA,3,20,20,40\nB,1,20,20,40\n");
+    let (out, sites) = (folder.path("out"), ["--sites", "200", "--no-picture"]);
+    let compare = ["tools", &part, "--library", &tools, "--out", &out];
+    let compare = || deepmill(&[&compare[..], &sites].concat());
+    assert!(compare().status.success());
+    let error = failure(&deepmill(&["report", &out]), 1);
+    assert!(error.contains("neither labels.npz nor predictions.npz"), "{error}");
+    let error = failure(&deepmill(&["explain", &out, "--site", "0"]), 1);
+    assert!(error.contains("holds no labels.npz"), "{error}");
+    let findings = format!("findings:{out}");
+    let of =
+        deepmill(&["label", &part, "--cutter", "3,20,20,40", "--only", &findings, "--out", &out]);
+    assert!(failure(&of, 1).contains("labels.npz"));
+    let label = ["label", &part, "--cutter", "3,20,20,40", "--out", &out];
+    assert!(deepmill(&[&label[..], &sites].concat()).status.success());
+    assert!(compare().status.success());
+    let report = deepmill(&["report", &out]);
+    assert!(report.status.success(), "{}", text(&report.stderr));
+}

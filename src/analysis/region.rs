@@ -130,13 +130,11 @@ fn stated(path: &Path) -> Result<Vec<(u32, u32)>> {
 /// Sites and answers of a folder of `deepmill label`; of several tools, what none of them reaches.
 fn answers(folder: &Path) -> Result<(Sites, SiteAnswers, bool)> {
     const LABELS: &str = "labels.npz";
-    let alone = folder.join(LABELS);
-    if alone.is_file() || !folder.join("tools.csv").is_file() {
-        let mut file = LabelFile::read(&alone)?;
+    let Some(folders) = coverage::labeled_tools(folder)? else {
+        let mut file = LabelFile::read(&folder.join(LABELS))?;
         let of_region = take_region(&mut file);
         return Ok((file.sites, file.labels.answers, of_region));
-    }
-    let folders = coverage::tool_folders(folder)?;
+    };
     let read = |(_, name): &(String, String)| LabelFile::read(&folder.join(name).join(LABELS));
     let mut files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
     let all = for_all_tools(files.iter().map(|file| &file.labels.answers));

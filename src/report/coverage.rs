@@ -1,7 +1,7 @@
 //! Coverage by several tools: a table with a row per tool, and the first tool that reaches each site.
 
 use super::findings::Findings;
-use super::folder::{Show, Shown, Writer};
+use super::folder::{LABELS, Show, Shown, Writer};
 use super::gate::SiteAreas;
 use super::page::View;
 use super::points::PointValues;
@@ -232,13 +232,27 @@ impl<'a> Coverage<'a> {
     }
 }
 
+/// As [`tool_folders`], of a folder that `label` has written for several tools; none of others, as that of `tools`, whose table
+/// names tools without answers.
+///
+/// # Errors
+/// As [`tool_folders`].
+#[doc(hidden)] // of the program
+pub fn labeled_tools(folder: &Path) -> Result<Option<Vec<(String, String)>>> {
+    if !folder.join(TOOLS).is_file() {
+        return Ok(None);
+    }
+    let tools = tool_folders(folder)?;
+    let is_labeled = |(_, of): &(String, String)| folder.join(of).join(LABELS).is_file();
+    Ok(tools.iter().any(is_labeled).then_some(tools))
+}
+
 /// The names and folders in the columns `name` and `folder` of `tools.csv` in `folder`, at least one; without the
 /// latter, a folder has the tool's name.
 ///
 /// # Errors
 /// If the system refuses the file, it is no such table, or a folder's name is none.
-#[doc(hidden)] // of the program
-pub fn tool_folders(folder: &Path) -> Result<Vec<(String, String)>> {
+fn tool_folders(folder: &Path) -> Result<Vec<(String, String)>> {
     let path = folder.join(TOOLS);
     let bytes = input_file::read(&path, input_file::LIBRARY)?;
     let mut reader = csv::Reader::from_reader(&bytes[..]);

@@ -10,7 +10,7 @@ use deepmill::data::files::label_query::LabelQuery;
 use deepmill::data::files::tools::{Tool, thick_and_short_first};
 use deepmill::geom::Sites;
 use deepmill::geom::spacing::Spacing;
-use deepmill::report::coverage::{TOOLS, tool_folders};
+use deepmill::report::coverage::labeled_tools;
 use deepmill::report::explanation::{About, part_advice, picture};
 use deepmill::report::folder::LABELS;
 use deepmill::report::tables::Cell;
@@ -219,14 +219,14 @@ fn labels_file(result: &Path) -> Result<PathBuf> {
     if file.is_file() {
         return Ok(file);
     }
-    let (found, remedy) = match result.join(TOOLS).is_file() {
-        true => {
-            let folders = tool_folders(result)?.into_iter().map(|(_, folder)| folder);
-            let folders = folders.collect::<Vec<_>>().join(", ");
+    let (found, remedy) = match labeled_tools(result)? {
+        Some(tools) => {
+            let folders: Vec<String> = tools.into_iter().map(|(_, folder)| folder).collect();
+            let folders = folders.join(", ");
             let remedy = format!("name the folder of one of its tools: {folders}");
             ("it is the folder of several tools".to_string(), remedy)
         }
-        false => {
+        None => {
             let remedy = "name a folder that `deepmill label` has written".to_string();
             (format!("it holds no {LABELS}"), remedy)
         }

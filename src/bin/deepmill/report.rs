@@ -13,7 +13,7 @@ use deepmill::geom::formats::{self, ReadOptions};
 use deepmill::geom::units::Unit;
 use deepmill::metrics::Confusion;
 use deepmill::report::Scene;
-use deepmill::report::coverage::{self, Shares, TOOLS};
+use deepmill::report::coverage::{self, Shares};
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{
     self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, REGION, SURFACE, Show,
@@ -52,8 +52,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    if args.results.join(TOOLS).is_file() && args.compare.is_none() {
-        return several(args, output);
+    if args.compare.is_none()
+        && let Some(tools) = coverage::labeled_tools(&args.results)?
+    {
+        return several(args, tools, output);
     }
     let found = Found::search(args)?;
     let status = args.compare.as_deref().filter(|path| status::is_status(path));
@@ -152,9 +154,8 @@ pub fn page(
 }
 
 /// The page of a folder that `label` has written for several tools.
-fn several(args: &Args, output: &Output) -> Result<()> {
-    let (names, folders): (Vec<String>, Vec<String>) =
-        coverage::tool_folders(&args.results)?.into_iter().unzip();
+fn several(args: &Args, tools: Vec<(String, String)>, output: &Output) -> Result<()> {
+    let (names, folders): (Vec<String>, Vec<String>) = tools.into_iter().unzip();
     let read = |folder: &String| LabelFile::read(&args.results.join(folder).join(LABELS));
     let mut files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
     let of_region: Vec<bool> = files.iter_mut().map(take_region).collect();
