@@ -127,44 +127,50 @@ impl fmt::Display for Warning {
             ),
             Warning::CoarseTessellation { share, implied_mm, granted_mm } => write!(
                 f,
-                "the facets are coarser than the tolerance at {:.1} % of the sites: they imply up to {implied_mm:.3} mm, \
+                "the facets are coarser than the tolerance at {} of the sites: they imply up to {implied_mm:.3} mm, \
                  {granted_mm:.3} mm is granted; leave out the tolerance or export a finer mesh",
-                100.0 * share
+                percent(share)
             ),
             Warning::WideTolerance { share, greatest_mm } => write!(
                 f,
-                "coarse facets make the tolerance more than {WIDE_MM} mm at {:.1} % of the sites, up to {greatest_mm:.3} mm: \
+                "coarse facets make the tolerance more than {WIDE_MM} mm at {} of the sites, up to {greatest_mm:.3} mm: \
                  export a finer mesh to notice shallower collisions",
-                100.0 * share
+                percent(share)
             ),
             Warning::RestsOnTolerance { n_sites, share, greatest_mm } => write!(
                 f,
-                "{n_sites} sites ({:.1} %) are accessible only because the tool may seem to cut more than {WIDE_MM} mm there, up to \
+                "{n_sites} sites ({}) are accessible only because the tool may seem to cut more than {WIDE_MM} mm there, up to \
                  {greatest_mm:.3} mm: export a finer mesh, or give a tolerance",
-                100.0 * share
+                percent(share)
             ),
             Warning::FinishBelowChord { share, finish_mm, chord_mm } => write!(
                 f,
-                "the finish tolerance of {finish_mm} mm is below the chord error of the mesh at {:.1} % of the sites, up to {chord_mm:.3} mm: \
+                "the finish tolerance of {finish_mm} mm is below the chord error of the mesh at {} of the sites, up to {chord_mm:.3} mm: \
                  export a finer mesh, or raise the finish tolerance",
-                100.0 * share
+                percent(share)
             ),
             Warning::ClearanceCloses { clearance_mm, share, closes_all: true } => write!(
                 f,
-                "the clearance of {clearance_mm} mm closes every pose at every site; without it {:.1} % of the sites are accessible: \
+                "the clearance of {clearance_mm} mm closes every pose at every site; without it {} of the sites are accessible: \
                  take a lesser one, or a longer tool",
-                100.0 * share
+                percent(share)
             ),
             Warning::ClearanceCloses { clearance_mm, share, closes_all: false } => write!(
                 f,
-                "the clearance of {clearance_mm} mm alone puts {:.1} % of the sites out of reach: take a lesser one, or a longer tool",
-                100.0 * share
+                "the clearance of {clearance_mm} mm alone puts {} of the sites out of reach: take a lesser one, or a longer tool",
+                percent(share)
             ),
             Warning::Profile { unproven_share } => write!(
                 f,
                 "the tool is given by its profile: of the directions between those of the set only those that flat and round \
-                 faces suggest are tested; no retreat is proven from the free poses at {:.1} % of the sites, which count as inaccessible",
-                100.0 * unproven_share
+                 faces suggest are tested; {}",
+                match unproven_share {
+                    0.0 => "a retreat is proven wherever a pose is free".to_string(),
+                    share => format!(
+                        "no retreat is proven from the free poses at {} of the sites, which count as inaccessible",
+                        percent(share)
+                    ),
+                }
             ),
             Warning::Drill => f.write_str(
                 "the tool is a drill or a reamer: what it reaches is reached by drilling, in bores of its own diameter",
@@ -175,6 +181,14 @@ impl fmt::Display for Warning {
                 100.0 * share
             ),
         }
+    }
+}
+
+/// A share in words: none that is there is said to be 0.
+fn percent(share: f64) -> String {
+    match share > 0.0 && share < 0.0005 {
+        true => "less than 0.1 %".into(),
+        false => format!("{:.1} %", 100.0 * share),
     }
 }
 
