@@ -177,6 +177,18 @@ impl Outcome {
         })
     }
 
+    /// What is wrong with fixtures and table, a sentence each.
+    #[cfg(feature = "python")]
+    pub(crate) fn placed_warnings(&self) -> &[String] {
+        self.placed.warnings()
+    }
+
+    /// As [`Analysis::origin`](super::Analysis::origin).
+    #[cfg(feature = "python")]
+    pub(crate) fn origin(&self) -> Option<glam::DVec3> {
+        self.placed.request.origin
+    }
+
     /// The answers of a tool, to be explained.
     #[cfg(feature = "python")]
     pub(crate) fn query(&self, tool: usize) -> Result<LabelQuery> {

@@ -68,18 +68,44 @@ pub fn analyze(
     let watch = options.progress()?;
     options.finish()?;
     let (outcome, warnings) = watch.run_apart(py, move |observer| {
-        let placed = region::named(request.place(observer))?;
-        let mut warnings = placed.warnings().to_vec();
-        let outcome = placed.label(observer)?;
-        for (tool, answer) in outcome.tools().iter().zip(outcome.answers()) {
-            let of = if outcome.has_folders() { format!("{}: ", tool.name) } else { String::new() };
-            warnings.extend(answer.warnings.iter().map(|warning| format!("{of}{warning}")));
-        }
+        let outcome = region::named(request.place(observer))?.label(observer)?;
+        let warnings = warnings_of(&outcome);
         Ok((outcome, warnings))
     })?;
     let notices = part.notices_and(outcome.notices());
     let (outcome, mesh) = (Arc::new(outcome), part.mesh());
     Ok(Outcome { outcome, mesh, warnings, notices, areas: OnceLock::new() })
+}
+
+/// Reads what Outcome.save or `deepmill label` has written to a folder: an equal outcome.
+///
+/// >>> import deepmill, tempfile
+/// >>> corners = [[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30]]
+/// >>> mesh = deepmill.Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+/// >>> outcome = deepmill.analyze(mesh, "3,20,20,20", sites=200)
+/// >>> with tempfile.TemporaryDirectory() as folder:
+/// ...     paths = outcome.save(folder)
+/// ...     read = deepmill.read_outcome(folder)
+/// >>> bool((read[0].inaccessible == outcome[0].inaccessible).all()), read.findings == outcome.findings
+/// (True, True)
+#[pyfunction]
+pub fn read_outcome(folder: &Bound<'_, PyAny>) -> PyResult<Outcome> {
+    let py = folder.py();
+    let path = path_of("folder", folder)?;
+    let outcome = detached(py, || analysis::Outcome::read(&path))?;
+    let (warnings, notices) = (warnings_of(&outcome), outcome.notices().to_vec());
+    let mesh = Mesh::of_outcome(&outcome).map(|mesh| Py::new(py, mesh)).transpose()?;
+    Ok(Outcome { outcome: Arc::new(outcome), mesh, warnings, notices, areas: OnceLock::new() })
+}
+
+/// About fixtures, then about each tool.
+fn warnings_of(outcome: &analysis::Outcome) -> Vec<String> {
+    let mut warnings = outcome.placed_warnings().to_vec();
+    for (tool, answer) in outcome.tools().iter().zip(outcome.answers()) {
+        let of = if outcome.has_folders() { format!("{}: ", tool.name) } else { String::new() };
+        warnings.extend(answer.warnings.iter().map(|warning| format!("{of}{warning}")));
+    }
+    warnings
 }
 
 /// The answers about every tool, and what follows from them. Arrays are read-only views, in the order of the sites.

@@ -28,7 +28,7 @@ mod why;
 #[pyo3(name = "_deepmill")]
 mod module {
     #[pymodule_export]
-    use super::answers::{Outcome, ToolAnswers, analyze};
+    use super::answers::{Outcome, ToolAnswers, analyze, read_outcome};
     #[pymodule_export]
     use super::machined::{MachinedOutcome, machined};
     #[pymodule_export]

@@ -5,6 +5,7 @@ use super::input;
 use super::options::{Options, text_of};
 use super::output::{list, rows, threes, threes_f64};
 use crate::Error;
+use crate::analysis;
 use crate::geom::formats::{self, KeepVertices, MeshOrCloud, PartFile, ReadOptions};
 use crate::geom::preparation::{Preparation, Prepared};
 use crate::geom::sites::{self, Normals, SiteOptions};
@@ -67,6 +68,13 @@ pub fn raw_mesh(object: &Bound<'_, PyAny>) -> PyResult<Option<geom::Mesh>> {
 }
 
 impl Mesh {
+    /// The part of an outcome.
+    pub fn of_outcome(outcome: &analysis::Outcome) -> Option<Self> {
+        let (name, notices) = (outcome.part().to_owned(), outcome.notices().to_vec());
+        let mesh = outcome.mesh()?.clone();
+        Some(Mesh { mesh, origin: outcome.origin(), name, notices })
+    }
+
     fn named(name: String, Prepared { mesh, origin, notices }: Prepared) -> Self {
         Mesh { mesh, origin, name, notices }
     }

@@ -101,6 +101,23 @@ def test_what_was_changed_of_a_part_is_among_the_notices(pocket):
     assert outcome.mesh.volume_mm3 > 0 and outcome.faces.max() < len(outcome.mesh.faces)
 
 
+def test_outcomes_are_read_back_from_their_folder(mesh, tmp_path):
+    clamp = deepmill.Mesh([[0, 0, 20.5], [20, 0, 20.5], [0, 20, 20.5], [0, 0, 40]],
+                          [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], name="clamp")
+    tools = ["2,10,20,20", deepmill.Tool("3,20,20,20", kind="flat")]
+    outcome = deepmill.analyze(mesh, tools, sites=300, fixtures=[clamp], table=1, rest=True)
+    outcome.save(tmp_path)
+    read = deepmill.read_outcome(str(tmp_path))
+    assert read.warnings == outcome.warnings and read.notices == outcome.notices
+    assert [finding for finding in read.findings] == [finding for finding in outcome.findings]
+    assert (read.mesh.vertices == mesh.vertices).all() and read.part == outcome.part
+    for of, was in zip(read, outcome):
+        assert of.tool.name == was.tool.name and of.findings == was.findings
+        assert (of.inaccessible == was.inaccessible).all() and (of.rest_mm == was.rest_mm).all()
+    with pytest.raises(deepmill.FileError, match="outcome.npz"):
+        deepmill.read_outcome(tmp_path / "elsewhere")
+
+
 def test_fixtures_and_tables_block(mesh):
     clamp = deepmill.Mesh([[0, 0, 0], [20, 0, 0], [0, 20, 0], [0, 0, 20]] + np.array([5.0, 5.0, 20.0]),
                           [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], name="clamp")

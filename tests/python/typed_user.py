@@ -23,6 +23,7 @@ def label(path: Path) -> NDArray[np.bool_]:
     share: float = float(outcome.area_shares[outcome[0].inaccessible].sum())
     print(share, [finding["area_mm2"] for finding in outcome.findings])
     saved: list[Path] = outcome.save("results", report=True, also=["glb"])
+    print(deepmill.read_outcome("results").part == outcome.part)
     print(saved, outcome.explain(0, tool="1.5-6-40-5")["sentences"])
     return outcome[0].inaccessible
 

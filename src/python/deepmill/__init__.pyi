@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "Error", "FileError", "Interrupted", "MachinedOutcome", "Mesh", "Network", "Octree", "OctreeLevel", "Online", "Outcome",
     "Prediction", "Sample", "SetupsOutcome", "Sites", "Tool", "ToolAnswers", "ToolsOutcome", "Trainer",
-    "VolumeOutcome", "analyze", "compare", "explain", "machined", "online", "read_tools", "sample", "setups", "volume",
+    "VolumeOutcome", "analyze", "compare", "explain", "machined", "online", "read_outcome", "read_tools",
+    "sample", "setups", "volume",
     "__version__",
 ]
 
@@ -148,6 +149,7 @@ def analyze(
     clearance_limit: float | None = None, rest: bool = False,
     name: str | None = None, progress: _Progress | None = None,
 ) -> Outcome: ...
+def read_outcome(folder: _Path) -> Outcome: ...
 def setups(
     part: _Part, tools: _Tools, machine: str, *,
     share: float = 0.99, at_most: int | None = None,
