@@ -17,6 +17,7 @@ use crate::data::files::settings::Blocking;
 use crate::data::files::{LabelFile, Provenance};
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::directions::Directions;
+use crate::geom::file_vertices::SiteVertices;
 use crate::geom::selection::Region;
 use crate::geom::{Mesh, Sites};
 use crate::report::findings::Findings;
@@ -122,13 +123,9 @@ impl Outcome {
     pub fn read(folder: &Path) -> Result<Self> {
         let path = &folder.join(OUTCOME);
         if !path.exists() {
+            let found = "there is none: nothing was written here, or by an earlier version";
             let remedy = "label the part again, or read `labels.npz`, with `LabelFile`";
-            return Err(Error::file(
-                path,
-                "file",
-                "there is none: nothing was written here, or by an earlier version",
-                remedy,
-            ));
+            return Err(Error::file(path, "file", found, remedy));
         }
         let mut npz = NpzReader::open(path)?;
         let metadata = npz.metadata()?;
@@ -147,48 +144,23 @@ impl Outcome {
         };
         request.fixtures =
             all.fixtures.into_iter().enumerate().map(fixture).collect::<Result<_>>()?;
-        if request.tools.is_empty() {
-            return Err(Error::file(path, "outcome", "no tool", REMEDY));
-        }
         let mesh = npz.has("vertices").then(|| read_mesh(path, &mut npz, "")).transpose()?;
-        let mut answers = Vec::new();
-        let (mut placed, mut stated) = (None, Vec::new());
-        for (k, tool) in request.tools.iter().enumerate() {
-            let labels = match request.has_folders {
-                false => folder.join(LABELS),
-                true => folder.join(tool.folder()).join(LABELS),
-            };
-            let file = LabelFile::read(&labels)?;
-            let of: OfTool = read_text(path, &mut npz, &format!("tool_{k}"))?;
-            let (labels, answer) =
-                (labels, of.complete((path, &mut npz), (k, &all.directions), file.labels)?);
-            let (sites, _) = placed.get_or_insert((file.sites.clone(), file.vertices));
-            if *sites != file.sites || !is_about(&answer.findings, sites) {
-                return Err(of_another_run(&labels, "points"));
-            }
-            answers.push(answer);
-            stated.push((labels, file.provenance));
-        }
-        let (sites, vertices) = placed.unwrap_or_default();
-        sites.check()?;
-        if let Some(mesh) = &mesh {
+        let Read { answers, sites, vertices, stated } =
+            read_answers((path, &mut npz), folder, &request, &all.directions)?;
+        let is_on = |mesh: &Mesh| {
             let n = mesh.triangles.len();
-            if sites.faces.len() != sites.len() || sites.faces.iter().any(|f| *f as usize >= n) {
-                return Err(of_another_run(&stated[0].0, "faces"));
-            }
+            sites.faces.len() == sites.len() && sites.faces.iter().all(|f| (*f as usize) < n)
+        };
+        if mesh.as_ref().is_some_and(|mesh| !is_on(mesh)) {
+            return Err(of_another_run(&stated[0].0, "faces"));
         }
         let region = read_region(path, &mut npz, &sites)?;
         let more = npz.has("more_points").then(|| read_sites(path, &mut npz)).transpose()?;
-        if all.findings.as_ref().as_ref().is_some_and(|findings| !is_about(findings, &sites)) {
+        let (findings, kept_out) = (all.findings.into_owned(), all.kept_out.into_owned());
+        let of_others = findings.iter().any(|findings| !is_about(findings, &sites))
+            || kept_out.iter().any(|kept| !keeps_out_of(kept, (answers.len(), sites.len())));
+        if of_others {
             return Err(Error::file(path, "outcome", "findings of other sites", REMEDY));
-        }
-        if let Some(kept) = all.kept_out.as_ref() {
-            let is_sound = kept.by_tool.len() == answers.len()
-                && kept.by_tool.iter().all(|of| of.len() == sites.len())
-                && kept.by_tool.iter().flatten().flatten().all(|k| *k < kept.names.len());
-            if !is_sound {
-                return Err(Error::file(path, "outcome", "kept_out is of other sites", REMEDY));
-            }
         }
         let outcome = Outcome {
             placed: Placed {
@@ -204,8 +176,8 @@ impl Outcome {
                 seconds: 0.0,
             },
             answers,
-            of_all: all.findings.into_owned(),
-            kept_out: all.kept_out.into_owned(),
+            of_all: findings,
+            kept_out,
             notices: all.notices.into_owned(),
             seconds: [0.0; 3],
         };
@@ -323,6 +295,51 @@ impl<'a> OfTool<'a> {
         let (warnings, findings) = (self.warnings.into_owned(), self.findings.into_owned());
         Ok(ToolOutcome { labels, warnings, findings })
     }
+}
+
+/// The answers of all tools, about the same sites.
+struct Read {
+    answers: Vec<ToolOutcome>,
+    sites: Sites,
+    vertices: Option<SiteVertices>,
+    /// Per tool its file, and what that states.
+    stated: Vec<(PathBuf, Provenance)>,
+}
+
+fn read_answers(
+    (path, npz): (&Path, &mut NpzReader),
+    folder: &Path,
+    request: &Analysis,
+    directions: &Directions,
+) -> Result<Read> {
+    let (mut answers, mut stated, mut placed) = (Vec::new(), Vec::new(), None);
+    for (k, tool) in request.tools.iter().enumerate() {
+        let labels = match request.has_folders {
+            false => folder.join(LABELS),
+            true => folder.join(tool.folder()).join(LABELS),
+        };
+        let file = LabelFile::read(&labels)?;
+        let of: OfTool = read_text(path, npz, &format!("tool_{k}"))?;
+        let answer = of.complete((path, npz), (k, directions), file.labels)?;
+        let (sites, _) = placed.get_or_insert((file.sites.clone(), file.vertices));
+        if *sites != file.sites || !is_about(&answer.findings, sites) {
+            return Err(of_another_run(&labels, "points"));
+        }
+        answers.push(answer);
+        stated.push((labels, file.provenance));
+    }
+    let Some((sites, vertices)) = placed else {
+        return Err(Error::file(path, "outcome", "no tool", REMEDY));
+    };
+    sites.check()?;
+    Ok(Read { answers, sites, vertices, stated })
+}
+
+/// Whether it is about so many tools and sites, and names what there is.
+fn keeps_out_of(kept: &KeptOut, (n_tools, n_sites): (usize, usize)) -> bool {
+    kept.by_tool.len() == n_tools
+        && kept.by_tool.iter().all(|of| of.len() == n_sites)
+        && kept.by_tool.iter().flatten().flatten().all(|k| *k < kept.names.len())
 }
 
 /// Whether the findings name sites of these.

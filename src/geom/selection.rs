@@ -215,7 +215,8 @@ impl Selection {
 
 impl Region {
     /// Of which every piece is in the region; `None` if there is not one number of a face for each.
-    pub(crate) fn whole(mesh: Mesh, faces: Vec<u32>) -> Option<Self> {
+    #[doc(hidden)] // of `analysis`
+    pub fn whole(mesh: Mesh, faces: Vec<u32>) -> Option<Self> {
         let n = mesh.triangles.len();
         (faces.len() == n).then(|| Region { mesh, faces, is_in: vec![true; n] })
     }

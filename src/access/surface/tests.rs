@@ -3,7 +3,7 @@
 use super::tool::Tip;
 use super::{
     ContactTolerance, Reached, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
-    TriangleObstacles,
+    TriangleObstacles, Warning,
 };
 use super::{drop, penetrate, raise};
 use crate::cutter::{Cutter, CutterParams};
@@ -285,3 +285,13 @@ const EPSILON_MM: f64 = 1e-6;
 const RESOLUTION_MM: f64 = 4e-3;
 /// By so much of the tolerance poses may be missed that are free.
 const RESOLUTION_SHARE: f64 = 0.3;
+
+#[test]
+fn no_share_is_said_to_be_0_that_is_not() {
+    let words = |unproven_share| Warning::Profile { unproven_share }.to_string();
+    assert!(words(1.0 / 7000.0).contains("at less than 0.1 % of the sites"));
+    assert!(words(0.0005).contains("at 0.1 % of the sites"), "{}", words(0.0005));
+    assert!(words(0.0).ends_with("a retreat is proven wherever a pose is free"));
+    let rests = Warning::RestsOnTolerance { n_sites: 1, share: 1.0 / 7000.0, greatest_mm: 0.1 };
+    assert!(rests.to_string().starts_with("1 sites (less than 0.1 %) are"));
+}
