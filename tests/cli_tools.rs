@@ -37,8 +37,8 @@ fn several_cutters_give_the_files_of_each_alone() {
         assert!(path.is_file());
         path.strip_prefix(folder.path("both")).unwrap().components().count()
     });
-    // Numbers, points and two files of findings for each; table, points, findings and part for both.
-    assert_eq!(names.collect::<Vec<_>>(), [[2; 8].as_slice(), &[1; 5]].concat());
+    // Numbers, points and two files of findings for each; table, points, findings, part and outcome for both.
+    assert_eq!(names.collect::<Vec<_>>(), [[2; 8].as_slice(), &[1; 6]].concat());
 }
 
 #[test]

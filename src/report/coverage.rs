@@ -232,8 +232,8 @@ impl<'a> Coverage<'a> {
     }
 }
 
-/// As [`tool_folders`], of a folder that `label` has written for several tools; none of others, as that of `tools`, whose table
-/// names tools without answers.
+/// As [`tool_folders`], of a folder that `label` has written for several tools; none of others, as that of `tools`,
+/// whose table names tools without answers.
 ///
 /// # Errors
 /// As [`tool_folders`].

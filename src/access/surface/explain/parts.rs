@@ -3,7 +3,8 @@
 //! ```text
 //! tip, where no step blocks some direction
 //! cutter at all others
-//! for the parts from the shank up: what is below it, labeled at the sites left: where that is free, this part instead; where not, done
+//! for the parts from the shank up: what is below it, labeled at the sites left:
+//!     where that is free, this part instead; where not, done
 //! ```
 //!
 //! A site that stays blocked, for which every direction must be tested, is labeled once. Among points, where labels of
@@ -75,7 +76,7 @@ impl TriangleObstacles {
             }
             None => options.refinement = None,
         }
-        // From below: a site that no direction frees without a part keeps what is named so far; it is not labeled again.
+        // From below: a site that stays blocked keeps what is named so far and is not labeled again.
         for (part, cutter) in truncated(tool, clearance_mm)?.into_iter().rev() {
             let labels = self.of_left((sites, &left), &cutter, directions, &options)?;
             let is_blocked = |k: usize| {
