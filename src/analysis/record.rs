@@ -107,14 +107,14 @@ impl Outcome {
     /// # let temporary = tempfile::tempdir().unwrap();
     /// # let folder = temporary.path();
     /// let tool = Tool::new("3,20,20,30".parse()?, None, 0.0)?; // a ball end
-    /// let block = solids::cuboid(DVec3::splat(30.0));
+    /// let block = solids::cuboid(DVec3::new(40.0, 30.0, 20.0));
     /// let analysis = Analysis::new("block", block, vec![tool]).n_sites(200).directions("up".parse()?);
     /// let outcome = analysis.run(&mut ())?;
     /// outcome.write(folder, &Files::default(), &mut ())?;
     /// let read = Outcome::read(folder)?;
     /// assert_eq!(read, outcome);
     /// let underside = &read.findings().list[0]; // nothing comes from below
-    /// assert!(underside.normal.z < -0.9 && (underside.area_mm2 - 900.0).abs() < 1e-6);
+    /// assert!(underside.normal.z < -0.9 && (underside.area_mm2 - 1200.0).abs() < 100.0); // of few sites
     /// # Ok::<(), deepmill::Error>(())
     /// ```
     ///
