@@ -3,7 +3,8 @@
 use super::Analysis;
 use super::fixtures::Fixture;
 use super::observer::{Observer, Stage, report};
-use super::placed::without_area;
+use super::placed::{or_usual, without_area};
+use super::request::Request;
 use super::setups::SetupRequest;
 use super::write::Files;
 use crate::access::setups::Setup;
@@ -19,7 +20,6 @@ use crate::report::tables::{Cell, Table};
 use crate::report::{Class, Coloring, PartView, picture};
 use crate::{Error, Result, atomic_file};
 use glam::{DVec3, Vec3};
-use std::mem;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -65,14 +65,14 @@ impl Analysis {
     /// observer stops it.
     #[doc(hidden)] // of the program
     pub fn machine(
-        mut self,
+        self,
         stock: &Stock,
         accuracy_mm: Option<f64>,
         setups: Option<SetupRequest>,
         observer: &mut dyn Observer,
     ) -> Result<MachinedOutcome> {
-        self.options.check()?;
-        let is_clamped = !self.fixtures.is_empty() || self.table_z_mm.is_some();
+        self.request.options.check()?;
+        let is_clamped = !self.request.fixtures.is_empty() || self.request.table_z_mm.is_some();
         for (name, is_given, remedy) in [
             (
                 "fixtures",
@@ -86,10 +86,11 @@ impl Analysis {
             }
         }
         let planned = setups.map(|request| self.clone().setups_of(request, observer));
-        let (shape, tools) = (self.shape.take(), mem::take(&mut self.tools));
-        let Some(MeshOrCloud::Mesh(part)) = shape else {
+        let Analysis { request, shape, directions, .. } = self;
+        let Request { part: name, tools, fixtures, table_z_mm, mut options, .. } = request;
+        let MeshOrCloud::Mesh(part) = shape else {
             let remedy = "give a mesh: of a cloud it is unknown what is inside";
-            return Err(Error::argument("part", self.part, "a mesh", remedy));
+            return Err(Error::argument("part", name, "a mesh", remedy));
         };
         if tools.is_empty() {
             return Err(Error::argument("tools", "none", "one or more", "name a tool"));
@@ -100,12 +101,12 @@ impl Analysis {
             return Err(Error::argument("tools", found, "tools given by lengths", remedy));
         }
         let (names, setups) = match planned.transpose()? {
-            None => (Vec::new(), vec![self.take_directions(Blocking::Part)?]),
+            None => (Vec::new(), vec![or_usual(directions, Blocking::Part)?]),
             Some(planned) => planned.into_iter().unzip(),
         };
         if !names.is_empty() {
             // A machine has the axes that it has.
-            self.options.refinement = None;
+            options.refinement = None;
         }
         let (low, high) = part.bounds().unwrap_or_default();
         let longest = (high - low).max_element();
@@ -127,14 +128,13 @@ impl Analysis {
             }
         };
         let start = Instant::now();
-        let fixtures = mem::take(&mut self.fixtures);
-        let (fixtures, warnings) = Fixture::around(&part, fixtures, self.table_z_mm)?;
+        let (fixtures, warnings) = Fixture::around(&part, fixtures, table_z_mm)?;
         let meshes: Vec<Mesh> = fixtures.iter().map(|fixture| fixture.mesh.clone()).collect();
         let obstacles = TriangleObstacles::new(&part, &meshes)?;
         let cutters: Vec<&Cutter> = tools.iter().map(|tool| &tool.cutter).collect();
         let job = Job { part: &part, stock_box, stock, accuracy_mm };
         let mut done = |done: usize, of: usize| report(observer, Stage::Machining, (done, of));
-        let machined = obstacles.machine(&job, &cutters, &setups, &self.options, &mut done)?;
+        let machined = obstacles.machine(&job, &cutters, &setups, &options, &mut done)?;
         let machined_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let rest = all_of(&machined.bodies);
@@ -152,7 +152,7 @@ impl Analysis {
             }
         }
         Ok(MachinedOutcome {
-            part: self.part,
+            part: name,
             tools,
             machined,
             mesh,

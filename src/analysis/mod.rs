@@ -38,6 +38,7 @@ mod placed;
 mod predictions;
 mod record;
 mod region;
+mod request;
 mod setups;
 mod thin;
 mod tools;
@@ -72,17 +73,16 @@ pub use write::Files;
 
 use crate::Result;
 use crate::access::LabelOptions;
-use crate::access::surface::explain::Remedies;
-use crate::access::surface::{ContactTolerance, SurfaceOptions};
-use crate::data::files::settings::{Blocking, PartSettings, SiteSettings};
+use crate::access::surface::SurfaceOptions;
+use crate::data::files::settings::Blocking;
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
 use crate::geom::file_vertices::FileVertices;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::Selection;
-use crate::geom::sites::{Normals, SiteOptions, VertexNormals};
+use crate::geom::sites::{SiteOptions, VertexNormals};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use request::{Placement, Region, Request};
 
 /// What is requested of a part.
 ///
@@ -108,57 +108,15 @@ use serde::{Deserialize, Serialize};
 /// }
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub struct Analysis {
-    part: String,
-    /// Taken when the sites are placed.
-    #[serde(skip)]
-    shape: Option<MeshOrCloud>,
-    is_cloud: bool,
-    origin: Option<DVec3>,
-    tools: Vec<Tool>,
-    /// Whether each tool has a folder of its own.
-    has_folders: bool,
-    /// Whether the tools are those that there are.
-    is_library: bool,
-    sites: Placement,
-    /// Those of the part's file, taken likewise.
-    #[serde(skip)]
+    request: Request,
+    shape: MeshOrCloud,
+    /// Those of the part's file.
     file_vertices: Option<FileVertices>,
-    region: Option<Region>,
-    /// Taken likewise.
-    #[serde(skip)]
+    /// Of the request's region.
+    selection: Option<Selection>,
     directions: Option<Directions>,
-    obstacles: Option<Blocking>,
-    /// Once the sites are placed, with the table as the last.
-    #[serde(skip)]
-    fixtures: Vec<Fixture>,
-    table_z_mm: Option<f64>,
-    prove: bool,
-    rest: bool,
-    options: SurfaceOptions,
-    published: LabelOptions,
-}
-
-/// Where the sites are.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-enum Placement {
-    Spread(SiteOptions),
-    /// The corners of the mesh; the seed is that of further obstacles.
-    Vertices {
-        seed: u64,
-        normals: VertexNormals,
-    },
-}
-
-/// A region, and how it was named.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Region {
-    /// Taken when the sites are placed.
-    #[serde(skip)]
-    selection: Selection,
-    only: Vec<String>,
-    except: Vec<String>,
 }
 
 impl Analysis {
@@ -168,18 +126,15 @@ impl Analysis {
     /// Several tools get a folder each ([`Outcome::write`]).
     pub fn new(part: impl Into<String>, shape: impl Into<MeshOrCloud>, tools: Vec<Tool>) -> Self {
         let shape = shape.into();
-        Analysis {
+        let request = Request {
             part: part.into(),
             is_cloud: matches!(shape, MeshOrCloud::Cloud(_)),
-            shape: Some(shape),
             origin: None,
             has_folders: tools.len() > 1,
             is_library: false,
             tools,
             sites: Placement::Spread(SiteOptions::default()),
-            file_vertices: None,
             region: None,
-            directions: None,
             obstacles: None,
             fixtures: Vec::new(),
             table_z_mm: None,
@@ -187,7 +142,8 @@ impl Analysis {
             rest: false,
             options: SurfaceOptions { occlusion: false, ..SurfaceOptions::default() },
             published: LabelOptions::published(),
-        }
+        };
+        Analysis { request, shape, file_vertices: None, selection: None, directions: None }
     }
 
     /// Spreads about so many sites over a mesh.
@@ -199,7 +155,7 @@ impl Analysis {
     /// Spreads sites over a mesh; a cloud is taken as it is.
     #[must_use]
     pub fn spread(mut self, options: SiteOptions) -> Self {
-        self.sites = Placement::Spread(options);
+        self.request.sites = Placement::Spread(options);
         self
     }
 
@@ -207,7 +163,7 @@ impl Analysis {
     #[must_use]
     pub fn at_vertices(mut self, seed_of_further_obstacles: u64) -> Self {
         let normals = VertexNormals::default();
-        self.sites = Placement::Vertices { seed: seed_of_further_obstacles, normals };
+        self.request.sites = Placement::Vertices { seed: seed_of_further_obstacles, normals };
         self
     }
 
@@ -215,7 +171,7 @@ impl Analysis {
     #[doc(hidden)] // of the program
     #[must_use]
     pub fn vertex_normals(mut self, weights: VertexNormals) -> Self {
-        if let Placement::Vertices { normals, .. } = &mut self.sites {
+        if let Placement::Vertices { normals, .. } = &mut self.request.sites {
             *normals = weights;
         }
         self
@@ -232,7 +188,8 @@ impl Analysis {
     /// Answers for a region of the part only; all of it blocks. `only` and `except` name its parts in files.
     #[must_use]
     pub fn region(mut self, selection: Selection, only: Vec<String>, except: Vec<String>) -> Self {
-        self.region = Some(Region { selection, only, except });
+        self.request.region = Some(Region { only, except });
+        self.selection = Some(selection);
         self
     }
 
@@ -246,35 +203,35 @@ impl Analysis {
     /// What blocks; by default the triangles of a mesh, the points of a cloud.
     #[must_use]
     pub fn obstacles(mut self, blocking: Blocking) -> Self {
-        self.obstacles = Some(blocking);
+        self.request.obstacles = Some(blocking);
         self
     }
 
     /// A mesh that blocks too, by the mesh definition, in the part's coordinates; its name is for findings.
     #[must_use]
     pub fn fixture(mut self, fixture: Fixture) -> Self {
-        self.fixtures.push(fixture);
+        self.request.fixtures.push(fixture);
         self
     }
 
     /// A table at this height, which blocks too, by the mesh definition.
     #[must_use]
     pub fn table(mut self, z_mm: f64) -> Self {
-        self.table_z_mm = Some(z_mm);
+        self.request.table_z_mm = Some(z_mm);
         self
     }
 
     /// Options of the mesh definition: tolerances, search between the directions, occlusion, clearances.
     #[must_use]
     pub fn options(mut self, options: SurfaceOptions) -> Self {
-        self.options = options;
+        self.request.options = options;
         self
     }
 
     /// The options are those of proofs ([`RefinementOptions::proving`](crate::access::surface::RefinementOptions)).
     #[must_use]
     pub fn proving(mut self, prove: bool) -> Self {
-        self.prove = prove;
+        self.request.prove = prove;
         self
     }
 
@@ -282,35 +239,35 @@ impl Analysis {
     /// `docs/rest.md`.
     #[must_use]
     pub fn rest(mut self, rest: bool) -> Self {
-        self.rest = rest;
+        self.request.rest = rest;
         self
     }
 
     /// Options of the published definition: bottom rule, rounding, share, engine.
     #[must_use]
     pub fn published(mut self, options: LabelOptions) -> Self {
-        self.published = options;
+        self.request.published = options;
         self
     }
 
     /// Whether the tools are those that there are: proposals then change nothing but their stick-out.
     #[must_use]
     pub fn library(mut self, is_library: bool) -> Self {
-        self.is_library = is_library;
+        self.request.is_library = is_library;
         self
     }
 
     /// Gives each tool a folder of its own, even if it is one only.
     #[must_use]
     pub fn folders(mut self, has_folders: bool) -> Self {
-        self.has_folders = has_folders;
+        self.request.has_folders = has_folders;
         self
     }
 
     /// The origin of the part's coordinates in those of its file, mm, for files.
     #[must_use]
     pub fn origin(mut self, origin: Option<DVec3>) -> Self {
-        self.origin = origin;
+        self.request.origin = origin;
         self
     }
 
@@ -320,71 +277,5 @@ impl Analysis {
     /// As these.
     pub fn run(self, observer: &mut dyn Observer) -> Result<Outcome> {
         self.place(observer)?.label(observer)
-    }
-
-    /// What blocks.
-    fn blocking(&self) -> Blocking {
-        match self.is_cloud {
-            true => Blocking::Points(None),
-            false => self.obstacles.unwrap_or(Blocking::Part),
-        }
-    }
-
-    /// Of proposals.
-    fn remedies(&self) -> Remedies {
-        Remedies { only_this_tool: self.is_library, ..Remedies::default() }
-    }
-
-    /// The seed of the sites.
-    fn seed(&self) -> u64 {
-        match self.sites {
-            Placement::Spread(SiteOptions { seed, .. }) | Placement::Vertices { seed, .. } => seed,
-        }
-    }
-
-    /// What files hold of the mesh definition's options.
-    fn part_settings(&self) -> PartSettings {
-        let options = &self.options;
-        // The table is the last of them.
-        let n_tables = usize::from(self.table_z_mm.is_some());
-        let n_fixtures = self.fixtures.len().saturating_sub(n_tables);
-        let fixtures = self.fixtures[..n_fixtures].iter().map(|fixture| fixture.name.clone());
-        PartSettings {
-            fixtures: fixtures.collect(),
-            table_z_mm: self.table_z_mm,
-            search: Some(options.refinement.map_or(0, |refinement| refinement.n_kept)),
-            prove: self.prove,
-            tolerance_mm: match options.tolerance {
-                ContactTolerance::Millimeters(mm) | ContactTolerance::AtMost(mm) => Some(mm),
-                ContactTolerance::Tessellation => None,
-            },
-            finish_mm: Some(options.finish_mm),
-        }
-    }
-
-    /// What files hold of the sites.
-    fn site_settings(&self) -> SiteSettings {
-        if self.is_cloud {
-            return SiteSettings::as_given();
-        }
-        match self.sites {
-            Placement::Vertices { seed, normals } => {
-                let by_area = normals == VertexNormals::Area;
-                SiteSettings {
-                    vertex_normals: by_area.then(|| normals.to_string()),
-                    ..SiteSettings::spread("vertices".into(), seed, None)
-                }
-            }
-            Placement::Spread(SiteOptions { n_sites, seed, normals }) => {
-                let smooth_deg = match normals {
-                    // Degrees as people write them.
-                    Normals::Smooth { crease_rad } => {
-                        Some((crease_rad.to_degrees() * 1e9).round() / 1e9)
-                    }
-                    Normals::Face => None,
-                };
-                SiteSettings::spread(n_sites.to_string(), seed, smooth_deg)
-            }
-        }
     }
 }

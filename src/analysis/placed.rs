@@ -3,7 +3,8 @@
 use super::fixtures::{Fixture, KeptOut};
 use super::observer::{Observer, Stage, report};
 use super::outcome::{Outcome, ToolOutcome};
-use super::{Analysis, Placement, findings};
+use super::request::{Placement, Request};
+use super::{Analysis, findings};
 use crate::access::surface::explain::blocking_parts_among_points;
 use crate::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles, Warning};
 use crate::access::{self, LabelOptions, Labels, Obstacles};
@@ -12,7 +13,7 @@ use crate::data::files::label_query::joined;
 use crate::data::files::settings::{Blocking, RegionSettings};
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
-use crate::geom::file_vertices::SiteVertices;
+use crate::geom::file_vertices::{FileVertices, SiteVertices};
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::{Region, Selection};
 use crate::geom::sites::{self, SiteOptions};
@@ -31,7 +32,7 @@ const N_DIRECTIONS: usize = 150;
 /// A part with its sites and what stands around it, ready to be labeled.
 #[derive(Debug)]
 pub struct Placed {
-    pub(super) request: Analysis,
+    pub(super) request: Request,
     pub(super) blocking: Blocking,
     pub(super) directions: Directions,
     pub(super) mesh: Option<Mesh>,
@@ -61,50 +62,48 @@ impl Analysis {
     /// # Errors
     /// If there are no tools, the region is empty or not of triangles that block, sites cannot be placed, a fixture is
     /// not finite, or an option is out of its domain.
-    pub fn place(mut self, observer: &mut dyn Observer) -> Result<Placed> {
+    pub fn place(self, observer: &mut dyn Observer) -> Result<Placed> {
         let started = Instant::now();
         report(observer, Stage::Sites, (0, 1))?;
-        self.options.check()?;
-        if self.tools.is_empty() {
+        let Analysis { mut request, shape, file_vertices, selection, directions } = self;
+        request.options.check()?;
+        if request.tools.is_empty() {
             return Err(Error::argument("tools", "none", "one or more", "name a tool"));
         }
-        let blocking = self.blocking();
-        if self.region.is_some() && blocking != Blocking::Part {
+        let blocking = request.blocking();
+        if selection.is_some() && blocking != Blocking::Part {
             let remedy = "points block: take the triangles of the mesh as obstacles";
             let expected = "triangles that block";
             return Err(Error::argument("region", "points as obstacles", expected, remedy));
         }
-        if self.rest && blocking != Blocking::Part {
+        if request.rest && blocking != Blocking::Part {
             let (found, expected) = ("points as obstacles", "triangles that block");
             let remedy = "take the triangles of a mesh as obstacles, or leave the rest out";
             return Err(Error::argument("rest", found, expected, remedy));
         }
         if blocking == Blocking::Part {
             // Nothing else of these options decides any answer: requests are equal without it.
-            let engine = self.published.engine;
-            self.published = LabelOptions { engine, ..LabelOptions::published() };
+            let engine = request.published.engine;
+            request.published = LabelOptions { engine, ..LabelOptions::published() };
         }
-        let directions = self.take_directions(blocking)?;
-        let (mesh, on_part) = match self.shape.take() {
-            None => (None, OnPart::default()),
-            Some(MeshOrCloud::Cloud(sites)) => (None, OnPart { sites, ..OnPart::default() }),
-            Some(MeshOrCloud::Mesh(mesh)) => {
-                let on_part = self.sites_on(&mesh)?;
+        let directions = or_usual(directions, blocking)?;
+        let (mesh, on_part) = match shape {
+            MeshOrCloud::Cloud(sites) => (None, OnPart { sites, ..OnPart::default() }),
+            MeshOrCloud::Mesh(mesh) => {
+                let of_file = (selection.as_ref(), file_vertices.as_ref());
+                let on_part = request.sites_on(&mesh, of_file)?;
                 (Some(mesh), on_part)
             }
         };
-        let more = self.further_obstacles(blocking, mesh.as_ref())?;
+        let more = request.further_obstacles(blocking, mesh.as_ref())?;
         let mut warnings = Vec::new();
-        let fixtures = mem::take(&mut self.fixtures);
+        let fixtures = mem::take(&mut request.fixtures);
         if let Some(part) = mesh.as_ref().filter(|_| blocking == Blocking::Part) {
-            (self.fixtures, warnings) = Fixture::around(part, fixtures, self.table_z_mm)?;
+            (request.fixtures, warnings) = Fixture::around(part, fixtures, request.table_z_mm)?;
         }
         report(observer, Stage::Sites, (1, 1))?;
         let seconds = started.elapsed().as_secs_f64();
         let OnPart { sites, vertices, region } = on_part;
-        self.file_vertices = None;
-        self.region.iter_mut().for_each(|named| named.selection = Selection::default());
-        let request = self;
         Ok(Placed {
             request,
             blocking,
@@ -118,39 +117,49 @@ impl Analysis {
             seconds,
         })
     }
+}
 
-    /// The directions given, or those that are usual.
-    pub(super) fn take_directions(&mut self, blocking: Blocking) -> Result<Directions> {
-        match (self.directions.take(), blocking) {
-            (Some(given), _) => Ok(given),
-            (None, Blocking::Part) => Directions::fibonacci_hemisphere(N_DIRECTIONS),
-            (None, _) => Ok(Directions::published()),
-        }
+/// The directions given, or those that are usual.
+pub(super) fn or_usual(given: Option<Directions>, blocking: Blocking) -> Result<Directions> {
+    match (given, blocking) {
+        (Some(given), _) => Ok(given),
+        (None, Blocking::Part) => Directions::fibonacci_hemisphere(N_DIRECTIONS),
+        (None, _) => Ok(Directions::published()),
     }
+}
 
+impl Request {
     /// The sites, their faces those of the part, and the region with its own.
-    fn sites_on(&self, mesh: &Mesh) -> Result<OnPart> {
-        let Some(named) = &self.region else {
-            let (sites, vertices) = self.spread_on(mesh)?;
+    fn sites_on(
+        &self,
+        mesh: &Mesh,
+        (selection, file): (Option<&Selection>, Option<&FileVertices>),
+    ) -> Result<OnPart> {
+        let Some(selection) = selection else {
+            let (sites, vertices) = self.spread_on(mesh, file)?;
             return Ok(OnPart { sites, vertices, region: None });
         };
-        let region = named.selection.of(mesh)?;
+        let region = selection.of(mesh)?;
         let (on_region, vertices) = match &self.sites {
-            Placement::Spread(options) => (named.selection.sample(mesh, &region, options)?, None),
-            Placement::Vertices { .. } => self.spread_on(&region.mesh)?,
+            Placement::Spread(options) => (selection.sample(mesh, &region, options)?, None),
+            Placement::Vertices { .. } => self.spread_on(&region.mesh, file)?,
         };
         let sites = region.on_part(&on_region);
         Ok(OnPart { sites, vertices, region: Some((region, on_region)) })
     }
 
     /// The sites on a mesh, and the vertices of the part's file that they are at, if they are at vertices.
-    fn spread_on(&self, mesh: &Mesh) -> Result<(Sites, Option<SiteVertices>)> {
+    fn spread_on(
+        &self,
+        mesh: &Mesh,
+        file: Option<&FileVertices>,
+    ) -> Result<(Sites, Option<SiteVertices>)> {
         let normals = match &self.sites {
             Placement::Spread(options) => return Ok((sites::sample(mesh, options)?, None)),
             Placement::Vertices { normals, .. } => *normals,
         };
         let (sites, rows) = sites::at_vertices(mesh, normals)?;
-        let Some(file) = &self.file_vertices else { return Ok((sites, None)) };
+        let Some(file) = file else { return Ok((sites, None)) };
         let places: Vec<DVec3> = rows.iter().map(|&v| mesh.vertices[v as usize]).collect();
         let (order, vertices) = file.of_sites(&places);
         let faces = order.iter().map(|&i| sites.faces[i]).collect();

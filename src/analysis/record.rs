@@ -7,10 +7,10 @@
 //!
 //! Texts are JSON in arrays of bytes. Times are left out: the same request gives the same files.
 
-use super::Analysis;
 use super::fixtures::{Fixture, KeptOut};
 use super::outcome::{Outcome, ToolOutcome};
 use super::placed::Placed;
+use super::request::Request;
 use crate::access::surface::{SurfaceStats, Warning};
 use crate::access::{Labels, Stats};
 use crate::data::files::settings::Blocking;
@@ -38,7 +38,7 @@ const REMEDY: &str = "label the part again";
 #[derive(Serialize, Deserialize)]
 struct OfAll<'a> {
     /// Its fixtures have their meshes in arrays.
-    request: Cow<'a, Analysis>,
+    request: Cow<'a, Request>,
     fixtures: Vec<Cow<'a, str>>,
     blocking: Blocking,
     directions: Cow<'a, Directions>,
@@ -310,7 +310,7 @@ struct Read {
 fn read_answers(
     (path, npz): (&Path, &mut NpzReader),
     folder: &Path,
-    request: &Analysis,
+    request: &Request,
     directions: &Directions,
 ) -> Result<Read> {
     let (mut answers, mut stated, mut placed) = (Vec::new(), Vec::new(), None);

@@ -3,7 +3,7 @@
 use super::Analysis;
 use super::fixtures::Fixture;
 use super::observer::{Observer, Stage, report};
-use super::placed::without_area;
+use super::placed::{or_usual, without_area};
 use super::write::Files;
 use crate::access::Queries;
 use crate::access::surface::{SurfaceOptions, TriangleObstacles};
@@ -38,11 +38,12 @@ impl Analysis {
     /// # Errors
     /// If the part is no mesh, there is not one tool, the tool leaves stock, the lattice would not fit into memory, the
     /// observer stops it, or as [`TriangleObstacles::label`].
-    pub fn volume(mut self, step_mm: f64, observer: &mut dyn Observer) -> Result<VolumeOutcome> {
-        self.options.check()?;
-        let (shape, tools) = (self.shape.take(), mem::take(&mut self.tools));
-        let (Some(MeshOrCloud::Mesh(mesh)), [tool]) = (&shape, &tools[..]) else {
-            let found = format!("{}, {} tools", self.part, tools.len());
+    pub fn volume(self, step_mm: f64, observer: &mut dyn Observer) -> Result<VolumeOutcome> {
+        let Analysis { mut request, shape, directions, .. } = self;
+        request.options.check()?;
+        let tools = mem::take(&mut request.tools);
+        let (MeshOrCloud::Mesh(mesh), [tool]) = (&shape, &tools[..]) else {
+            let found = format!("{}, {} tools", request.part, tools.len());
             let remedy = "leave it out for a cloud, and name one tool at a time";
             return Err(Error::argument("volume", found, "a mesh and one tool", remedy));
         };
@@ -53,7 +54,7 @@ impl Analysis {
         }
         report(observer, Stage::Sites, (0, 1))?;
         let start = Instant::now();
-        let directions = self.take_directions(Blocking::Part)?;
+        let directions = or_usual(directions, Blocking::Part)?;
         let (low, high) = mesh.bounds().unwrap_or_default();
         let lattice = Lattice::covering(low, high, step_mm)?;
         let inside = lattice_inside(mesh, &lattice)?;
@@ -63,13 +64,13 @@ impl Analysis {
         report(observer, Stage::Sites, (1, 1))?;
         let points_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let fixtures = mem::take(&mut self.fixtures);
-        let (fixtures, warnings) = Fixture::around(mesh, fixtures, self.table_z_mm)?;
+        let fixtures = mem::take(&mut request.fixtures);
+        let (fixtures, warnings) = Fixture::around(mesh, fixtures, request.table_z_mm)?;
         let meshes: Vec<Mesh> = fixtures.iter().map(|fixture| fixture.mesh.clone()).collect();
         let obstacles = TriangleObstacles::new(mesh, &meshes)?;
-        self.fixtures = fixtures;
+        request.fixtures = fixtures;
         report(observer, Stage::Labels, (0, 1))?;
-        let options = SurfaceOptions { occlusion: false, ..self.options };
+        let options = SurfaceOptions { occlusion: false, ..request.options };
         let queries = Queries::Volume(&points);
         let labels = obstacles.label(queries, &tool.cutter, &directions, &options)?;
         report(observer, Stage::Labels, (1, 1))?;
@@ -78,11 +79,11 @@ impl Analysis {
             directions: Some(directions.set().clone()),
             n_directions: Some(labels.n_directions),
             definition: Some(Definition::PartInSpace),
-            part_itself: Some(self.part_settings()),
-            origin_mm: self.origin.map(|at| at.to_array()),
+            part_itself: Some(request.part_settings()),
+            origin_mm: request.origin.map(|at| at.to_array()),
             ..AnalysisSettings::default()
         };
-        let (part, words) = (self.part.clone(), tool.words());
+        let (part, words) = (request.part, tool.words());
         let provenance = Provenance { part, cutter: tool.params, tool: words, settings };
         Ok(VolumeOutcome {
             file: VolumeFile::new(provenance, lattice, &inside, &labels)?,

@@ -33,7 +33,7 @@ use std::collections::HashMap;
 /// assert!((top.mesh.area() - 40.0 * 30.0).abs() < 1e-6); // mm²
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Selector {
     /// All between two corners, mm; faces on its border are within.
@@ -73,7 +73,7 @@ pub enum Selector {
 /// let region = Selection::default().with_only(vec![up]).of(&solids::cuboid(DVec3::splat(10.0)))?;
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct Selection {
     /// What any of these holds; everything, if there are none.
