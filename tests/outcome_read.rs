@@ -1,7 +1,7 @@
 //! `Outcome::read` gives back what was written, whatever was requested, and names what is damaged.
 #![cfg(all(feature = "formats", feature = "generate"))]
 
-use deepmill::access::surface::SurfaceOptions;
+use deepmill::access::surface::{RefinementOptions, SurfaceOptions};
 use deepmill::analysis::{Analysis, Files, Fixture, Outcome};
 use deepmill::cutter::{Assembly, Profile, Section};
 use deepmill::data::files::LabelFile;
@@ -47,7 +47,7 @@ fn tools() -> Vec<Tool> {
 /// What is asked for in as many ways as there are.
 fn analyses(folder: &Path) -> Vec<(&'static str, Analysis)> {
     let of = |tools: Vec<Tool>| Analysis::new("slot", slot(), tools).n_sites(300);
-    let options = SurfaceOptions::default();
+    let (options, proving) = (SurfaceOptions::default(), Some(RefinementOptions::proving()));
     let clamp = |at: f64| {
         let mut mesh = solids::cuboid(DVec3::splat(9.0));
         mesh.vertices.iter_mut().for_each(|v| *v += DVec3::new(at, -20.0, 20.1));
@@ -74,7 +74,8 @@ fn analyses(folder: &Path) -> Vec<(&'static str, Analysis)> {
         ("held", of(tools()).fixture(clamp(2.0)).fixture(clamp(29.0)).table(-2.0)),
         ("limit", of(vec![ball()]).options(options.with_clearance_limit_mm(Some(2.0)))),
         ("occlusion", of(vec![ball()]).options(options.with_occlusion(true))),
-        ("proved", of(vec![ball()]).options(options.with_refinement(None)).proving(false)),
+        ("no search", of(vec![ball()]).options(options.with_refinement(None))),
+        ("proved", of(vec![ball()]).options(options.with_refinement(proving)).proving(true)),
         ("region", of(vec![ball()]).region(up.clone(), vec!["normal:0,0,1:11".into()], vec![])),
         ("corners of it", of(vec![ball()]).region(up, vec!["up".into()], vec![]).at_vertices(3)),
         ("vertices", Analysis::new("pyramid", pyramid, vec![ball()]).at_vertices(7)),
@@ -124,9 +125,8 @@ fn damaged(path: &Path, name: &str, with: Option<&[u8]>) -> Vec<u8> {
             None => &mut writer,
         };
     }
+    // The part, two clamps, and the table as the last fixture.
     for prefix in ["", "fixture_0_", "fixture_1_", "fixture_2_"] {
-        // The table is the last.
-
         let (vertices, triangles) = (format!("{prefix}vertices"), format!("{prefix}triangles"));
         let places = npz.f64s(&vertices, 3).unwrap();
         let corners: Vec<u32> = npz.count_rows(&triangles, 3).unwrap();

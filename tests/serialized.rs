@@ -7,6 +7,7 @@ use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles
 use deepmill::access::{CollisionMatrix, Engine, LabelOptions, Labeler, Labels};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::{Assembly, Cutter, CutterParams, Profile, Section, TipShape};
+use deepmill::data::files::tools::Tool;
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, Sites, solids};
@@ -63,6 +64,21 @@ fn tools_are_built_again_when_they_are_read() {
         refused::<Assembly>(&written, key, value, words);
     }
     again(&CutterParams::from_array([1.5, 6.0, 40.0, 5.0]));
+}
+
+#[test]
+fn tools_of_tables_keep_name_folder_and_unit() {
+    let tool = Tool::new("3,20,20,30".parse().unwrap(), Some(0.5), 0.25).unwrap();
+    let written = again(&tool.named("T2: rougher/\"6\"").with_allowance(0.1).unwrap());
+    assert_eq!(
+        (&written["unit"], &written["folder"]),
+        (&json!("millimeter"), &json!("T2 rougher 6"))
+    );
+    for folder in ["", "..", "a/b", "a\\b", "c:"] {
+        refused::<Tool>(&written, "folder", json!(folder), "the name of a folder");
+    }
+    refused::<Tool>(&written, "clearance_mm", json!(-3.0), "clearance is -3");
+    refused::<Tool>(&written, "cutter", json!(1), "invalid type");
 }
 
 #[test]

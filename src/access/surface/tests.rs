@@ -279,13 +279,6 @@ fn assert_counts_of_own_poses(
     assert!(found[1] >= less_clear || cutter.side_mm() > 0.0, "{i} {less_clear} {found:?}");
 }
 
-/// The most by which the tolerance of two engines may seem to differ, mm.
-const EPSILON_MM: f64 = 1e-6;
-/// Of the reference engine.
-const RESOLUTION_MM: f64 = 4e-3;
-/// By so much of the tolerance poses may be missed that are free.
-const RESOLUTION_SHARE: f64 = 0.3;
-
 #[test]
 fn no_share_is_said_to_be_0_that_is_not() {
     let words = |unproven_share| Warning::Profile { unproven_share }.to_string();
@@ -295,3 +288,10 @@ fn no_share_is_said_to_be_0_that_is_not() {
     let rests = Warning::RestsOnTolerance { n_sites: 1, share: 1.0 / 7000.0, greatest_mm: 0.1 };
     assert!(rests.to_string().starts_with("1 sites (less than 0.1 %) are"));
 }
+
+/// The most by which the tolerance of two engines may seem to differ, mm.
+const EPSILON_MM: f64 = 1e-6;
+/// Of the reference engine.
+const RESOLUTION_MM: f64 = 4e-3;
+/// By so much of the tolerance poses may be missed that are free.
+const RESOLUTION_SHARE: f64 = 0.3;

@@ -71,7 +71,7 @@ pub(crate) use table::{steps_of_words, steps_words};
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "serialized::Stated")]
+#[serde(remote = "Self")] // checked when it is read
 pub struct Tool {
     /// Name as its file has it.
     pub name: String,

@@ -2,63 +2,37 @@
 
 use super::names::is_folder;
 use super::{Tool, check_clearance};
-use crate::cutter::{Assembly, Cutter, CutterParams};
-use crate::geom::units::Unit;
 use crate::{Error, Result};
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A tool as it was written.
-#[derive(Deserialize)]
-pub(super) struct Stated {
-    name: String,
-    number: Option<u32>,
-    folder: String,
-    unit: Unit,
-    params: CutterParams,
-    corner_mm: f64,
-    clearance_mm: f64,
-    cutter: Cutter,
-    assembly: Assembly,
-    description: Option<String>,
+impl Serialize for Tool {
+    fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
+        Tool::serialize(self, to)
+    }
 }
 
-impl TryFrom<Stated> for Tool {
-    type Error = Error;
+impl<'de> Deserialize<'de> for Tool {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        let read = Tool::deserialize(from)?;
+        read.check().map_err(D::Error::custom)?;
+        Ok(read)
+    }
+}
 
-    fn try_from(stated: Stated) -> Result<Self> {
-        let Stated {
-            name,
-            number,
-            folder,
-            unit,
-            params,
-            corner_mm,
-            clearance_mm,
-            cutter,
-            assembly,
-            description,
-        } = stated;
+impl Tool {
+    /// Lengths are finite, and the folder's name leads nowhere else; cutter and assembly are checked on their own.
+    fn check(&self) -> Result<()> {
         let remedy = "give the tool as it was written";
-        if !is_folder(&folder) {
-            return Err(Error::argument("folder", folder, "the name of a folder", remedy));
+        if !is_folder(&self.folder) {
+            let expected = "the name of a folder";
+            return Err(Error::argument("folder", &self.folder, expected, remedy));
         }
-        let lengths = params.to_array();
-        let mut numbers = lengths.iter().chain([&corner_mm, &clearance_mm]);
+        let lengths = self.params.to_array();
+        let mut numbers = lengths.iter().chain([&self.corner_mm, &self.clearance_mm]);
         if let Some(number) = numbers.find(|number| !number.is_finite()) {
             return Err(Error::argument("tool", number, "finite lengths", remedy));
         }
-        check_clearance(clearance_mm, params.cr_mm)?;
-        Ok(Tool {
-            name,
-            number,
-            folder,
-            unit,
-            params,
-            corner_mm,
-            clearance_mm,
-            cutter,
-            assembly,
-            description,
-        })
+        check_clearance(self.clearance_mm, self.params.cr_mm)
     }
 }
