@@ -1,6 +1,5 @@
 //! Findings of one tool or several, and which change of a tool would help.
 
-use crate::Result;
 use crate::access::Labels;
 use crate::access::surface::explain::RegionAdvice;
 use crate::access::surface::{
@@ -15,6 +14,7 @@ use crate::geom::{Mesh, Sites};
 use crate::report::findings::{
     Findings, Opening, PartAdvice, ToolChange, add_blocking_parts, add_proofs,
 };
+use crate::{Result, par};
 use glam::Vec3;
 use std::path::Path;
 
@@ -86,31 +86,33 @@ pub(super) fn add_openings(
     if axes.is_empty() {
         return Ok(());
     }
-    let quick = SurfaceOptions {
-        counts: false,
-        occlusion: false,
-        refinement: None,
-        clearance_limit_mm: None,
-        ..*options
-    };
-    for number in 1..=findings.list.len().min(N_SHOWN) {
-        let all = (0..findings.of_site.len()).filter(|i| findings.of_site[*i] as usize == number);
-        let all: Vec<usize> = all.collect();
+    let n_found = findings.list.len().min(N_SHOWN);
+    let regions = (1..).take(n_found).map(|number: u32| {
+        let all = 0..findings.of_site.len();
+        let all: Vec<usize> = all.filter(|i| findings.of_site[*i] == number).collect();
         let step = all.len().div_ceil(N_OPENED).max(1);
-        let some = || all.iter().step_by(step);
-        let points = some().map(|i| sites.points[*i]).collect();
-        let of_region = Sites::new(points, some().map(|i| sites.normals[*i]).collect())?;
-        let mut opens = Vec::new();
-        for (name, axis) in &axes {
-            let mut is_reached = vec![false; of_region.len()];
-            for tool in tools {
-                let found = obstacles.label(&of_region, &tool.cutter, axis, &quick)?;
-                for (reached, answer) in is_reached.iter_mut().zip(found.answers) {
-                    *reached |= answer == SiteAnswer::Accessible;
-                }
+        sites.subset(&all.into_iter().step_by(step).collect::<Vec<_>>())
+    });
+    let regions: Vec<Sites> = regions.collect();
+    // Few sites at a time do not keep all threads busy.
+    let shares = par::map(n_found * axes.len(), |pair| -> Result<f64> {
+        let (region, (_, axis)) = (&regions[pair / axes.len()], &axes[pair % axes.len()]);
+        let quick = SurfaceOptions { refinement: None, ..options.for_few(region.len()) };
+        let mut is_reached = vec![false; region.len()];
+        for tool in tools {
+            let found = obstacles.label(region, &tool.cutter, axis, &quick)?;
+            for (reached, answer) in is_reached.iter_mut().zip(found.answers) {
+                *reached |= answer == SiteAnswer::Accessible;
             }
-            let n_reached = is_reached.iter().filter(|reached| **reached).count();
-            let share = n_reached as f64 / is_reached.len().max(1) as f64;
+        }
+        let n_reached = is_reached.iter().filter(|reached| **reached).count();
+        Ok(n_reached as f64 / is_reached.len().max(1) as f64)
+    });
+    let mut shares = shares.into_iter();
+    for finding in &mut findings.list[..n_found] {
+        let mut opens = Vec::new();
+        for ((name, _), share) in axes.iter().zip(&mut shares) {
+            let share = share?;
             if share >= LEAST_SHARE {
                 opens.push(Opening::new(name, share));
             }
@@ -118,7 +120,7 @@ pub(super) fn add_openings(
         // Stable: among equals, in the order of the axes.
         opens.sort_by(|a: &Opening, b| b.share.total_cmp(&a.share));
         opens.truncate(N_OPENINGS);
-        findings.list[number - 1].opens = opens;
+        finding.opens = opens;
     }
     Ok(())
 }
@@ -159,20 +161,28 @@ pub(super) fn advised(tools: &[Tool], accessible: &[Vec<bool>]) -> Vec<usize> {
 pub(super) fn advise(
     findings: &mut Findings,
     tools: &[Advised],
-    change_for: impl Fn(usize, &[u32]) -> Result<(RegionAdvice, Vec<PartChange>)>,
+    change_for: impl Fn(usize, &[u32]) -> Result<(RegionAdvice, Vec<PartChange>)> + Sync,
 ) -> Result<()> {
-    let of_site = &findings.of_site;
-    for (number, finding) in (1..).zip(findings.list.iter_mut().take(N_SHOWN)) {
-        let all = 0..of_site.len() as u32;
-        let members: Vec<u32> = all.filter(|&i| of_site[i as usize] == number).collect();
+    let (of_site, n_tools) = (&findings.of_site, tools.len());
+    let members_of = |number: u32| -> Vec<u32> {
+        (0..of_site.len() as u32).filter(|&i| of_site[i as usize] == number).collect()
+    };
+    let members: Vec<Vec<u32>> =
+        (1..).take(findings.list.len().min(N_SHOWN)).map(members_of).collect();
+    // Few sites at a time do not keep all threads busy.
+    let found = par::map(members.len() * n_tools, |pair| {
+        change_for(pair % n_tools, &members[pair / n_tools])
+    });
+    let mut found = found.into_iter();
+    for finding in findings.list.iter_mut().take(members.len()) {
         let (mut change, mut stopped): (Option<ToolChange>, _) = (None, None);
         let mut of_part = Vec::new();
-        for (k, (name, tool)) in tools.iter().enumerate() {
+        for ((name, tool), found) in tools.iter().zip(&mut found) {
             let named = |words: String| match name {
                 Some(name) => format!("{name}: {words}"),
                 None => words,
             };
-            let (advice, of_tool) = change_for(k, &members)?;
+            let (advice, of_tool) = found?;
             let found = advice.change.filter(|found| found.share >= LEAST_SHARE);
             let is_best = |share: f64| change.as_ref().is_none_or(|best| share > best.share);
             let is_found = found.is_some();

@@ -138,7 +138,7 @@ const SAMPLES_OF_SITE: usize = 8;
 
 impl SurfaceOptions {
     /// For the answers of a few sites alone.
-    pub(super) fn for_few(&self, n_sites: usize) -> Self {
+    pub(crate) fn for_few(&self, n_sites: usize) -> Self {
         SurfaceOptions {
             counts: false,
             occlusion: false,
