@@ -30,6 +30,7 @@ mod baseline;
 mod clamping;
 mod findings;
 mod fixtures;
+mod label;
 mod machined;
 mod matrix;
 mod observer;
