@@ -176,7 +176,7 @@ impl KeptOut {
     /// Labels what is not accessible again without each of the fixtures, and without all.
     pub(super) fn find(
         (mesh, fixtures): (&Mesh, &[Fixture]),
-        (sites, labels): (&Sites, &[Labels]),
+        (sites, labels): (&Sites, &[&Labels]),
         tools: &[Tool],
         (directions, options): (&Directions, &SurfaceOptions),
     ) -> Result<Self> {
@@ -194,7 +194,7 @@ impl KeptOut {
         if !fixtures.is_empty() {
             without.push(TriangleObstacles::new(mesh, &[])?);
         }
-        let of_tool = |(tool, labels): (&Tool, &Labels)| {
+        let of_tool = |(tool, labels): (&Tool, &&Labels)| {
             let mut kept_by = vec![None; sites.len()];
             let accessible = labels.answers.accessible();
             for (k, obstacles) in without.iter().enumerate() {

@@ -12,7 +12,7 @@ use crate::cutter::Cutter;
 use crate::data::files::tools::Tool;
 use crate::geom::Mesh;
 use crate::geom::spacing::areas_on;
-use crate::report::findings::{ALL_TOOLS, Findings, for_all_tools};
+use crate::report::findings::{ALL_TOOLS, Findings, add_blocking_parts, for_all_tools};
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -23,6 +23,20 @@ impl Placed {
     /// If the observer stops it ([`Error::Interrupted`]), or as [`TriangleObstacles::label_sites`] and
     /// [`access::label_many`].
     pub fn label(self, observer: &mut dyn Observer) -> Result<Outcome> {
+        self.label_with_first_look(observer, &mut |_| Ok(()))
+    }
+
+    /// As [`Placed::label`]; `look` is given the answers and the regions out of reach before it is known what keeps
+    /// the tools out and what would help there, which takes as long again.
+    ///
+    /// # Errors
+    /// As [`Placed::label`], or those of `look`.
+    #[doc(hidden)] // of the program
+    pub fn label_with_first_look(
+        self,
+        observer: &mut dyn Observer,
+        look: &mut dyn FnMut(&mut Outcome) -> Result<()>,
+    ) -> Result<Outcome> {
         let start = Instant::now();
         let triangles = self.obstacles()?;
         let (labels, mut warnings) = self.labels(triangles.as_ref(), observer)?;
@@ -34,28 +48,25 @@ impl Placed {
         let labels_s = start.elapsed().as_secs_f64();
         let start = Instant::now();
         report(observer, Stage::Findings, (0, 1))?;
-        let kept_out = self.kept_out(&labels)?;
-        let (mut found, mut of_all) = self.findings(&labels)?;
-        kept_out.iter().for_each(|kept| kept.add_to(found.iter_mut()));
-        if let (Some(triangles), Some(found)) = (&triangles, of_all.as_mut().or(found.first_mut()))
-        {
-            self.advise(found, &labels, triangles)?;
-            let of = (&self.directions, &self.options());
-            findings::add_openings(found, &self.sites, &self.request.tools, triangles, of)?;
-        }
-        report(observer, Stage::Findings, (1, 1))?;
-        let findings_s = start.elapsed().as_secs_f64();
+        let (found, of_all) = self.findings(&labels)?;
         let each = labels.into_iter().zip(warnings).zip(found);
         let answers =
             each.map(|((labels, warnings), findings)| ToolOutcome { labels, warnings, findings });
-        Ok(Outcome {
+        let mut outcome = Outcome {
             answers: answers.collect(),
             of_all,
-            kept_out,
+            kept_out: None,
             notices: triangles.as_ref().and_then(without_area).into_iter().collect(),
-            seconds: [self.seconds, labels_s, findings_s],
+            seconds: [self.seconds(), labels_s, 0.0],
             placed: self,
-        })
+        };
+        let found_s = start.elapsed().as_secs_f64();
+        look(&mut outcome)?;
+        let start = Instant::now();
+        outcome.explain(triangles.as_ref())?;
+        report(observer, Stage::Findings, (1, 1))?;
+        outcome.seconds[2] = found_s + start.elapsed().as_secs_f64();
+        Ok(outcome)
     }
 
     /// Labels and warnings of every tool.
@@ -68,7 +79,7 @@ impl Placed {
         let centroids = self.centroids();
         let points = self.points(centroids.as_deref());
         report(observer, Stage::Labels, (0, tools.len()))?;
-        let (mut labels, warnings) = match (triangles, &self.mesh) {
+        match (triangles, &self.mesh) {
             (Some(triangles), Some(mesh)) => {
                 let (mut all, mut warnings) = (Vec::new(), Vec::new());
                 for (k, tool) in tools.iter().enumerate() {
@@ -77,7 +88,7 @@ impl Placed {
                     warnings.push(of_tool);
                     report(observer, Stage::Labels, (k + 1, tools.len()))?;
                 }
-                (all, warnings)
+                Ok((all, warnings))
             }
             _ => {
                 if let Some(tool) = tools.iter().find(|tool| tool.assembly.profile().is_some()) {
@@ -91,13 +102,9 @@ impl Placed {
                 let (sites, directions) = (&self.sites, &self.directions);
                 let labels = access::label_many(sites, points, &cutters, directions, options)?;
                 report(observer, Stage::Labels, (tools.len(), tools.len()))?;
-                (labels, vec![Vec::new(); cutters.len()])
+                Ok((labels, vec![Vec::new(); cutters.len()]))
             }
-        };
-        for (tool, labels) in tools.iter().zip(&mut labels) {
-            self.add_blocking_parts(labels, tool, (points, triangles))?;
         }
-        Ok((labels, warnings))
     }
 
     /// Of one tool, by the mesh definition.
@@ -164,7 +171,7 @@ impl Placed {
     fn advise(
         &self,
         findings: &mut Findings,
-        labels: &[Labels],
+        labels: &[&Labels],
         triangles: &TriangleObstacles,
     ) -> Result<()> {
         let tools = &self.request.tools;
@@ -183,7 +190,7 @@ impl Placed {
     }
 
     /// What the fixtures keep out of reach, if there are any.
-    fn kept_out(&self, labels: &[Labels]) -> Result<Option<KeptOut>> {
+    fn kept_out(&self, labels: &[&Labels]) -> Result<Option<KeptOut>> {
         let Some(mesh) = self.mesh.as_ref().filter(|_| !self.request.fixtures.is_empty()) else {
             return Ok(None);
         };
@@ -205,5 +212,32 @@ impl Placed {
         let mut of_all = (labels.len() > 1).then(all).transpose()?;
         of_all.iter_mut().for_each(|found| found.identify(ALL_TOOLS, bounds));
         Ok((of_tools, of_all))
+    }
+}
+
+impl Outcome {
+    /// Adds what keeps each tool out, and what would help.
+    fn explain(&mut self, triangles: Option<&TriangleObstacles>) -> Result<()> {
+        let Outcome { placed, answers, of_all, kept_out, .. } = self;
+        let centroids = placed.centroids();
+        let points = placed.points(centroids.as_deref());
+        for (tool, ToolOutcome { labels, findings, .. }) in placed.tools().iter().zip(&mut *answers)
+        {
+            placed.add_blocking_parts(labels, tool, (points, triangles))?;
+            add_blocking_parts(findings, &labels.blocked_by);
+        }
+        let each = answers.iter_mut().map(|of| (&of.labels, &mut of.findings));
+        let (labels, mut found): (Vec<&Labels>, Vec<&mut Findings>) = each.unzip();
+        *kept_out = placed.kept_out(&labels)?;
+        if let Some(kept_out) = kept_out {
+            kept_out.add_to(found.iter_mut().map(|found| &mut **found));
+        }
+        let found = of_all.as_mut().or(found.first_mut().map(|found| &mut **found));
+        if let (Some(triangles), Some(found)) = (triangles, found) {
+            placed.advise(found, &labels, triangles)?;
+            let of = (&placed.directions, &placed.options());
+            findings::add_openings(found, &placed.sites, placed.tools(), triangles, of)?;
+        }
+        Ok(())
     }
 }
