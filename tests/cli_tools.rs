@@ -255,10 +255,10 @@ fn a_library_on_a_part_has_a_table_a_smallest_set_and_stick_outs() {
     {
         assert!(Path::new(&folder.path(&format!("out/{file}"))).is_file(), "{file}");
     }
-    // The table gives the same tools again.
+    // The table gives the same tools again; files of tools have the name that they have for `label`, too.
     let again = folder.path("again");
     let csv = folder.path("out/tools.csv");
-    let args = ["tools", &part, "--library", &csv, "--sites", "400", "--no-picture"];
+    let args = ["tools", &part, "--tools", &csv, "--sites", "400", "--no-picture"];
     let twice =
         json(&deepmill(&[&args[..], &["--out", &again, "--json", "--share", "90"]].concat()));
     for (a, b) in rows.iter().zip(twice["tools"].as_array().unwrap()) {

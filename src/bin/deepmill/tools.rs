@@ -40,7 +40,7 @@ pub struct Args {
     read: MeshArgs,
     /// Files of tools: Fusion 360 and HSMWorks libraries (.json, .tools, .hsmlib), FreeCAD tool bits (.fctb), folders
     /// and libraries (.fctl) of them, LinuxCNC tables (.tbl), CAMotics tables (JSON), CSV tables.
-    #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
+    #[arg(long, visible_alias = "tools", value_name = "FILE", num_args = 1.., required = true)]
     library: Vec<PathBuf>,
     #[command(flatten)]
     defaults: UnsaidArgs,
