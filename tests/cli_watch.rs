@@ -113,6 +113,58 @@ fn a_wider_groove_is_shown_with_what_it_frees() {
 }
 
 #[test]
+fn answers_are_shown_before_it_is_known_what_would_help() {
+    let folder = Folder::new();
+    let part = grooved(&folder, 4.0, 15.0);
+    let watch = Watch::start(&[&[&*part], &ARGS[..]].concat());
+    assert_eq!(watch.shown(1)["page"], 1);
+    grooved(&folder, 10.0, 15.0);
+    let state = watch.state(|state| state["version"] == 2);
+    let of_look = state["kind"] == "working";
+    if of_look {
+        let words = state["words"].as_str().unwrap();
+        assert!(words.starts_with("version 2: ") && words.contains("would help"), "{state}");
+        assert!(changes(&state)[0].ends_with(" mm² reachable"), "{state}");
+    }
+    let complete = watch.shown(2);
+    assert_eq!(complete["page"], 3, "a page of the answers alone was shown before");
+    let words = complete["words"].as_str().unwrap();
+    let [shown, complete_s] = ["shown after ", ", complete after "].map(|before| {
+        let rest = words.split_once(before).unwrap_or_else(|| panic!("{words}")).1;
+        rest.split_once(" s").unwrap().0.parse::<f64>().unwrap()
+    });
+    assert!(shown <= complete_s);
+    if of_look {
+        assert_eq!(changes(&state), changes(&complete));
+        let share = |words: &str| words.split_once(" %").unwrap().0.to_owned();
+        assert_eq!(share(state["words"].as_str().unwrap()), share(words));
+    }
+    assert!(watch.get("page").1.contains("data-version=\"2\" data-number=\"3\""));
+}
+
+#[test]
+fn a_page_that_will_not_be_complete_goes_back_to_the_version_before() {
+    let folder = Folder::new();
+    let part = grooved(&folder, 4.0, 15.0);
+    let many = ["--cutter", "1,20,5,20", "--directions", "up", "--sites", "40000"];
+    let watch = Watch::start(&[&[&*part], &many[..]].concat());
+    watch.shown(1);
+    grooved(&folder, 10.0, 15.0);
+    watch.state(|state| state["version"] == 2);
+    // Before it is complete, or just after.
+    folder.file("groove.stl", &groove_of(8.0)[..500]);
+    let state = watch.state(|state| state["kind"] == "error");
+    let page = watch.get("page").1;
+    let version = state["version"].as_u64().unwrap();
+    let number = state["page"].as_u64().unwrap();
+    assert!(page.contains(&format!("data-version=\"{version}\" data-number=\"{number}\"")));
+    let [is_before, is_complete] = [[1, 3], [2, 3]].map(|is| is == [version, number]);
+    assert!(is_before || is_complete, "{state}");
+    grooved(&folder, 4.0, 15.0);
+    watch.shown(version + 1);
+}
+
+#[test]
 fn a_broken_file_is_said_and_the_page_stays() {
     let folder = Folder::new();
     let part = grooved(&folder, 4.0, 15.0);
@@ -140,7 +192,8 @@ fn a_file_that_is_half_written_is_waited_for() {
     std::thread::sleep(Duration::from_millis(300));
     file.write_all(&whole[500..]).unwrap();
     drop(file);
-    let state = watch.state(|state| state["kind"] == "error" || state["version"] == 2);
+    let is_shown = |state: &Value| state["kind"] == "shown" && state["version"] == 2;
+    let state = watch.state(|state| state["kind"] == "error" || is_shown(state));
     assert_eq!(state["kind"], "shown", "{state}");
 }
 

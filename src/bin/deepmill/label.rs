@@ -18,7 +18,7 @@ use crate::published_args::PublishedArgs;
 use crate::region::RegionArgs;
 use crate::volume;
 use deepmill::access::LabelOptions;
-use deepmill::analysis::{Analysis, Files, Observer, Outcome, PerDirection};
+use deepmill::analysis::{Analysis, Files, PerDirection, Placed};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::file_vertices::FileVertices;
@@ -215,14 +215,13 @@ impl Args {
         self.read.read_file(&self.part, (Accept::bodies_or(self.force), keep), output)
     }
 
-    /// Labels a part that was read.
-    fn label(
+    /// Places the sites of a part that was read, and checks all that is not about tools.
+    fn place(
         &self,
         (part, vertices): (MeshOrCloud, Option<FileVertices>),
         request: &Request,
-        observer: &mut dyn Observer,
         output: &Output,
-    ) -> Result<Outcome> {
+    ) -> Result<Placed> {
         let analysis = self.analysis(part, request.tools.clone(), &request.limits, output)?;
         let analysis = analysis.file_vertices(vertices);
         let placed = self.region.place(analysis, &self.sites, &self.read, output);
@@ -236,9 +235,7 @@ impl Args {
         if !self.matrix.is_empty() {
             placed.require_matrix()?;
         }
-        let outcome = placed.label(observer)?;
-        outcome.notices().iter().for_each(|notice| output.say(notice));
-        Ok(outcome)
+        Ok(placed)
     }
 }
 
@@ -257,7 +254,8 @@ fn run_one(args: &Args, output: &Output) -> Result<()> {
         return volume::run(args, step_mm, (part.0, request.tools), clock, output);
     }
     let mut bars = Bars::default();
-    let mut outcome = args.label(part, &request, &mut bars, output)?;
+    let mut outcome = args.place(part, &request, output)?.label(&mut bars)?;
+    outcome.notices().iter().for_each(|notice| output.say(notice));
     clock.stages(STAGES, outcome.seconds());
     let Request { limits, files, forms, .. } = &request;
     let check = baseline.check(|known| outcome.hold_against(known));

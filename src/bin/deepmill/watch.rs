@@ -82,17 +82,22 @@ pub trait Watched {
     /// The files that are read, the part first.
     fn files(&self) -> Vec<PathBuf>;
 
-    /// Answers. The findings get the names that they have in `before`.
+    /// Answers. The findings get the names that they have in `before`. If a part of the answer is there long before
+    /// the rest, `look` gets it.
     ///
     /// # Errors
-    /// As the command.
+    /// As the command, or those of `look`.
     fn answer(
         &self,
         before: Option<&Baseline>,
         observer: &mut dyn Observer,
+        look: &mut Look,
         output: &Output,
     ) -> Result<Answer>;
 }
+
+/// Is given an answer that is not complete.
+pub type Look<'a> = dyn FnMut(Answer) -> Result<()> + 'a;
 
 /// What is shown of an answer.
 pub struct Answer {
@@ -133,8 +138,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let server = Server::start(args.port)?;
     let start = Instant::now();
     let mut seen = files.n_written();
-    let mut shown = watched.answer(None, &mut (), output)?;
-    show(&shown, None, start, (&server, output))?;
+    let mut screen = Screen { server: &server, output, n_pages: 0, look_s: None };
+    let mut shown = watched.answer(None, &mut (), &mut |_| Ok(()), output)?;
+    screen.show(&mut shown, None, start)?;
     let address = server.address();
     output.say(format!("watching {}: {address}", words(&watched.files())));
     output.result(&json!({ "address": address, "files": watched.files() }));
@@ -144,15 +150,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         seen = files.wait(seen);
         let start = Instant::now();
         server.say(Kind::Working, "A file was written: computing");
-        match answer(watched, (&files, seen), &shown, &quiet) {
+        let mut look = |next: Answer| screen.look(next, &shown, start);
+        match answer(watched, (&files, seen), (&shown.findings, &mut look), &quiet) {
             Ok(Some(mut next)) => {
-                next.page.follow(&shown.page);
-                show(&next, Some(&shown), start, (&server, output))?;
+                screen.show(&mut next, Some(&shown), start)?;
                 shown = next;
             }
             // Written again meanwhile.
             Ok(None) => {}
             Err(error) => {
+                screen.go_back_to(&mut shown)?;
                 output.warn(format!("{error}; the page shows the version before"));
                 server.say(Kind::Error, &format!("{error}. This is the version before."));
             }
@@ -165,14 +172,14 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 fn answer(
     watched: &dyn Watched,
     (files, seen): (&Files, u64),
-    before: &Answer,
+    (before, look): (&Baseline, &mut Look),
     output: &Output,
 ) -> Result<Option<Answer>> {
     let mut observer = |_: Progress| match files.n_written() == seen {
         true => ControlFlow::Continue(()),
         false => ControlFlow::Break(()),
     };
-    match watched.answer(Some(&before.findings), &mut observer, output) {
+    match watched.answer(Some(before), &mut observer, look, output) {
         Ok(answer) => Ok(Some(answer)),
         Err(_) if files.is_written_within(seen, PATIENCE) => Ok(None),
         Err(error) => Err(error),
@@ -188,29 +195,80 @@ fn write(shown: &mut Answer, files: &Files, seen: u64, output: &Output) {
     }
 }
 
-/// Shows an answer, and what changed since the one before.
-fn show(
-    next: &Answer,
-    before: Option<&Answer>,
-    start: Instant,
-    (server, output): (&Server, &Output),
-) -> Result<()> {
-    let page = &next.page;
-    let html = page.html()?;
+/// Where answers are shown.
+struct Screen<'a> {
+    server: &'a Server,
+    output: &'a Output,
+    n_pages: u64,
+    /// When the newest page was shown, if its answer is not complete: seconds after the files were written.
+    look_s: Option<f64>,
+}
+
+impl Screen<'_> {
+    /// Shows an answer, and what changed since the one before.
+    fn show(&mut self, next: &mut Answer, before: Option<&Answer>, start: Instant) -> Result<()> {
+        let html = self.page(next, before)?;
+        let mut line = heading(next);
+        let changes = before.map_or_else(Vec::new, |before| changes(next, before));
+        let broken = next.broken.iter().map(|why| format!("limit broken: {why}"));
+        let changes: Vec<String> = changes.into_iter().chain(broken).collect();
+        let complete_s = start.elapsed().as_secs_f64();
+        line += &match self.look_s.take() {
+            Some(look_s) => {
+                format!("; shown after {look_s:.2} s, complete after {complete_s:.2} s")
+            }
+            None => format!("; {complete_s:.2} s"),
+        };
+        self.output.say(&line);
+        changes.iter().for_each(|change| self.output.say(format!("  {change}")));
+        self.server.show(html, numbers(next), (Kind::Shown, &line), &changes);
+        Ok(())
+    }
+
+    /// Shows an answer that is not complete.
+    fn look(&mut self, mut next: Answer, before: &Answer, start: Instant) -> Result<()> {
+        let html = self.page(&mut next, Some(before))?;
+        let words = format!("{}; computing what is in the way and would help", heading(&next));
+        let changes = changes(&next, before);
+        self.server.show(html, numbers(&next), (Kind::Working, &words), &changes);
+        self.look_s = Some(start.elapsed().as_secs_f64());
+        Ok(())
+    }
+
+    /// Shows an answer again, if another one was shown that will not be complete.
+    fn go_back_to(&mut self, shown: &mut Answer) -> Result<()> {
+        if self.look_s.take().is_some() {
+            let html = self.page(shown, None)?;
+            self.server.show(html, numbers(shown), (Kind::Working, ""), &[]);
+        }
+        Ok(())
+    }
+
+    /// The page of an answer, which is made the newest.
+    fn page(&mut self, next: &mut Answer, before: Option<&Answer>) -> Result<String> {
+        if let Some(before) = before {
+            next.page.follow(&before.page);
+        }
+        self.n_pages += 1;
+        next.page.number = self.n_pages;
+        next.page.html()
+    }
+}
+
+fn numbers(answer: &Answer) -> [u64; 2] {
+    [answer.page.version, answer.page.number]
+}
+
+/// The version, and how much it reaches.
+fn heading(answer: &Answer) -> String {
+    let page = &answer.page;
     let mut line = format!("version {}", page.version);
-    if let Some(findings) = page.views.first().and_then(|view| view.findings.as_ref()) {
+    if let Some(findings) = findings(page) {
         let reached_mm2 = page.reached_mm2().unwrap_or_default();
         let share = 100.0 * reached_mm2 / findings.surface_mm2.max(f64::MIN_POSITIVE);
         line += &format!(": {share:.2} % of the surface is reached");
     }
-    let changes = before.map_or_else(Vec::new, |before| changes(next, before));
-    let broken = next.broken.iter().map(|why| format!("limit broken: {why}"));
-    let changes: Vec<String> = changes.into_iter().chain(broken).collect();
-    line += &format!("; {:.2} s", start.elapsed().as_secs_f64());
-    output.say(&line);
-    changes.iter().for_each(|change| output.say(format!("  {change}")));
-    server.show(html, page.version, &line, &changes);
-    Ok(())
+    line
 }
 
 /// What changed, in words.

@@ -31,13 +31,13 @@ pub struct Script {
     pub about: Value,
     /// The numbers, in base64.
     pub block: String,
-    /// Of a live page.
-    pub version: Option<u64>,
+    /// Of a live page: its version, and which of all pages it is.
+    pub live: Option<[u64; 2]>,
 }
 
 /// The document; `areas` are those that the sites stand for, mm².
 pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
-    let Script { about, block, version } = script;
+    let Script { about, block, live } = script;
     let part = text(page.part);
     let mut out = String::with_capacity(block.len() + 100_000);
     let facts = [
@@ -61,12 +61,11 @@ pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
         .collect();
     let panels: String =
         page.views.iter().enumerate().map(|(v, view)| panel(v, view, (areas, page.unit))).collect();
-    let live = version.map(|_| LIVE);
-    let scripts = SCRIPTS.into_iter().chain(live);
+    let scripts = SCRIPTS.into_iter().chain(live.map(|_| LIVE));
     let scripts: String = scripts.map(|script| script.replace("\"use strict\";\n", "")).collect();
-    let (mark, bar, connect, sent) = match version {
-        Some(version) => (
-            format!(" data-version=\"{version}\""),
+    let (mark, bar, connect, sent) = match live {
+        Some([version, number]) => (
+            format!(" data-version=\"{version}\" data-number=\"{number}\""),
             "<div id=\"live\" role=\"status\" aria-live=\"polite\"></div>\n",
             "; connect-src 'self'",
             "It follows the part while deepmill watch runs.",
@@ -76,9 +75,9 @@ pub fn document(page: &Page, areas: &[f64], script: Script) -> String {
     let about = about.to_string().replace('<', "\\u003c");
     let program = Provenance::PROGRAM;
     let has_rests = page.views.iter().flat_map(|view| &view.values).any(|of| of.name == REST);
-    let rests = if has_rests || version.is_some() { RESTS } else { "" };
+    let rests = if has_rests || live.is_some() { RESTS } else { "" };
     // Those of a live page may come with a later version.
-    let outlines = match (page.outlines.is_empty(), version) {
+    let outlines = match (page.outlines.is_empty(), live) {
         (true, None) => String::new(),
         (true, Some(_)) => OUTLINES.replace("<label id", "<label hidden id"),
         (false, _) => OUTLINES.into(),

@@ -31,6 +31,8 @@ pub struct LivePage {
     pub outlines: Vec<[DVec3; 2]>,
     /// Number of the version, from 1 on.
     pub version: u64,
+    /// Which of all pages it is: a version may have several, the later with more answers.
+    pub number: u64,
 }
 
 impl LivePage {
@@ -44,6 +46,7 @@ impl LivePage {
             unit: page.unit,
             outlines: page.outlines.to_vec(),
             version: 1,
+            number: 1,
         }
     }
 
@@ -74,7 +77,8 @@ impl LivePage {
     pub fn html(&self) -> Result<String> {
         let LivePage { part, mesh, sites, views, outlines, .. } = self;
         let (mesh, unit) = (mesh.as_ref(), self.unit);
-        Page { part, mesh, sites, views, unit, outlines }.document(Some(self.version))
+        Page { part, mesh, sites, views, unit, outlines }
+            .document(Some([self.version, self.number]))
     }
 
     fn spacing_mm(&self) -> f64 {
@@ -172,12 +176,15 @@ mod tests {
     fn a_live_page_may_ask_its_server_and_a_report_nobody() {
         let page = page(DVec3::splat(10.0), 1, 5.0);
         let html = page.html().unwrap();
-        assert!(html.contains("connect-src 'self'") && html.contains("data-version=\"1\""));
+        assert!(
+            html.contains("connect-src 'self'")
+                && html.contains("data-version=\"1\" data-number=\"1\"")
+        );
         assert!(html.contains("class Live") && html.contains("id=\"live\""));
         let LivePage { part, mesh, sites, views, unit, outlines, .. } = &page;
         let page = Page { part, mesh: mesh.as_ref(), sites, views, unit: *unit, outlines };
         let html = page.html().unwrap();
-        let live = ["connect-src", "class Live", "id=\"live\"", "data-version"];
+        let live = ["connect-src", "class Live", "id=\"live\"", "data-version", "data-number"];
         assert!(live.iter().all(|words| !html.contains(words)));
     }
 }

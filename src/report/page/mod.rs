@@ -68,8 +68,8 @@ impl Page<'_> {
         self.document(None)
     }
 
-    /// The page; with a version, one that follows its server.
-    fn document(&self, version: Option<u64>) -> Result<String> {
+    /// The page; with a version and its number among all pages, one that follows its server.
+    fn document(&self, live: Option<[u64; 2]>) -> Result<String> {
         self.sites.check()?;
         let n = self.sites.len();
         for view in self.views {
@@ -92,7 +92,7 @@ impl Page<'_> {
         self.require_memory()?;
         let areas = areas_on(self.sites, self.mesh)?;
         let (about, block) = self.data();
-        Ok(html::document(self, &areas, html::Script { about, block: block.base64(), version }))
+        Ok(html::document(self, &areas, html::Script { about, block: block.base64(), live }))
     }
 
     fn require_memory(&self) -> Result<()> {

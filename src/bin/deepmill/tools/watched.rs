@@ -4,7 +4,7 @@ use super::Args;
 use crate::args::share;
 use crate::baseline::today;
 use crate::output::{Output, limits_broken};
-use crate::watch::{Answer, Watched, writer};
+use crate::watch::{Answer, Look, Watched, writer};
 use deepmill::analysis::Observer;
 use deepmill::report::baseline::Baseline;
 use deepmill::{Error, Result};
@@ -20,6 +20,7 @@ impl Watched for Args {
         &self,
         before: Option<&Baseline>,
         observer: &mut dyn Observer,
+        _: &mut Look,
         output: &Output,
     ) -> Result<Answer> {
         let Some(part) = &self.part else {

@@ -39,10 +39,12 @@ struct State {
     /// Counts what was said.
     number: u64,
     version: u64,
+    /// Counts the pages.
+    page: u64,
     kind: Kind,
     words: String,
     changes: Vec<String>,
-    page: Arc<str>,
+    html: Arc<str>,
 }
 
 impl State {
@@ -55,6 +57,7 @@ impl State {
         json!({
             "number": self.number,
             "version": self.version,
+            "page": self.page,
             "kind": kind,
             "words": self.words,
             "changes": self.changes,
@@ -94,10 +97,11 @@ impl Server {
         let state = State {
             number: 0,
             version: 0,
+            page: 0,
             kind: Kind::Working,
             words: String::new(),
             changes: Vec::new(),
-            page: "".into(),
+            html: "".into(),
         };
         let shared = Arc::new(Shared {
             state: Mutex::new(state),
@@ -121,12 +125,18 @@ impl Server {
         format!("http://{}{}", self.0.host, self.0.root)
     }
 
-    /// Shows a version.
-    pub fn show(&self, page: String, version: u64, words: &str, changes: &[String]) {
+    /// Shows a page, by its version and number: of `kind`, all that there is of the version, or what there is so far.
+    pub fn show(
+        &self,
+        html: String,
+        [version, page]: [u64; 2],
+        (kind, words): (Kind, &str),
+        changes: &[String],
+    ) {
         self.0.say(|state| {
-            state.page = page.into();
-            state.version = version;
-            state.kind = Kind::Shown;
+            state.html = html.into();
+            (state.version, state.page) = (version, page);
+            state.kind = kind;
             state.words = words.into();
             state.changes = changes.to_vec();
         });
@@ -163,7 +173,7 @@ impl Shared {
         let place = path.strip_prefix(&*self.root).filter(|_| is_ours);
         let (status, kind, body): (u16, &str, Vec<u8>) = match place {
             Some(_) if *request.method() != Method::Get => (405, TEXT, b"GET alone".to_vec()),
-            Some("" | "page") => (200, HTML, self.state().page.as_bytes().to_vec()),
+            Some("" | "page") => (200, HTML, self.state().html.as_bytes().to_vec()),
             Some(place) => match place.strip_prefix("state?after=") {
                 Some(after) => match self.wait(after.parse().ok()) {
                     Some(state) => (200, JSON, state.to_string().into_bytes()),

@@ -1,14 +1,20 @@
 "use strict";
-// The page while its part is watched: waits for the next version and takes it in place. Camera, section, tab and
-// selection stay.
+// The page while its part is watched: waits for the next one and takes it in place. Camera, section, tab and selection
+// stay. A version has several pages if the first is shown before all is known.
 
 class Live {
   constructor() {
-    this.version = +document.documentElement.dataset.version;
+    this.note(document);
     this.root = location.pathname.replace(/[^/]*$/, "");
     this.bar = $("live");
   }
-  /** Waits for versions for as long as the page is open. */
+  /** Which page this is. */
+  note(page) {
+    const { version, number } = page.documentElement.dataset;
+    this.version = +version;
+    this.number = +number;
+  }
+  /** Waits for pages for as long as the page is open. */
   async follow() {
     for (let said = -1; ;) {
       try {
@@ -16,7 +22,7 @@ class Live {
         if (!answer.ok) throw new Error(`status ${answer.status}`);
         const state = await answer.json();
         said = state.number;
-        if (state.version > this.version) await this.take();
+        if (state.page > this.number) await this.take();
         this.say(state);
       } catch (error) {
         this.say({ kind: "lost", words: `no answer from deepmill watch (${error.message})`, changes: [] });
@@ -25,7 +31,7 @@ class Live {
       }
     }
   }
-  /** Takes the newest version of the page. */
+  /** Takes the newest page. */
   async take() {
     const answer = await fetch(`${this.root}page`, { cache: "no-store" });
     if (!answer.ok) throw new Error(`status ${answer.status}`);
@@ -43,7 +49,7 @@ class Live {
     if (report.viewer) report.viewer.take(await load());
     else plainTabs();
     side.scrollTop = scrolled;
-    this.version = +next.documentElement.dataset.version;
+    this.note(next);
   }
   say({ kind, words, changes }) {
     const line = (text) => { const p = document.createElement("p"); p.textContent = text; return p; };
