@@ -3,7 +3,7 @@
 
 mod command;
 
-use command::{Folder, block, deepmill, failure, stl, text};
+use command::{CUTTER, Folder, block, deepmill, failure, stl, text};
 
 /// Tables, parts and fixtures keep their bytes, whatever the folder of the results; files that a command has written itself
 /// may be given again.
@@ -110,4 +110,46 @@ fn a_table_of_tools_is_not_taken_for_labels() {
     assert!(compare().status.success());
     let report = deepmill(&["report", &out]);
     assert!(report.status.success(), "{}", text(&report.stderr));
+}
+
+#[test]
+fn answers_are_drawn_on_their_own_part_alone() {
+    let folder = Folder::new();
+    let part = folder.file("part.stl", stl(&block([0.0; 3], [20.0; 3])));
+    let other = folder.file("other.stl", stl(&block([0.0; 3], [20.0, 20.0, 30.0])));
+    let out = folder.path("out");
+    let few = ["--sites", "200", "--no-picture", "--out", &out];
+    let cutter = ["--cutter", CUTTER];
+    let refused = |args: &[&str], named: &str| {
+        let message = failure(&deepmill(args), 1);
+        let place = format!("it is not the surface of {}", folder.path("out"));
+        assert!(message.contains(named) && message.contains(&place), "{args:?}: {message}");
+    };
+    for (command, tools) in [
+        ("label", &cutter[..]),
+        ("label", &["--cutter", CUTTER, "--cutter", "1,20,5,20"][..]),
+        ("predict", &cutter[..]),
+    ] {
+        let of = |part: &str| deepmill(&[&[command, part], tools, &few[..]].concat());
+        assert!(of(&part).status.success());
+        assert!(deepmill(&["report", &out]).status.success(), "{command} {tools:?}");
+        // `tools`, which writes the surface as well.
+        let library = folder.file("library.csv", "name,CR,CH,FR,FH\none,1,20,5,20\n");
+        let tools_of = ["tools", &other, "--tools", &library];
+        if tools.len() == 2 {
+            assert!(deepmill(&[&tools_of[..], &few].concat()).status.success());
+        } else {
+            std::fs::copy(folder.path("other.stl"), folder.path("out/part.stl")).unwrap();
+        }
+        refused(&["report", &out], "part.stl");
+        if command == "label" {
+            refused(&["report", &out, "--part", &other], "other.stl");
+            assert!(deepmill(&["report", &out, "--part", &part]).status.success());
+            let only = format!("findings:{out}");
+            let again = folder.path("again");
+            let label = ["label", &part, "--only", &only, "--out", &again];
+            refused(&[&label[..], tools].concat(), "part.stl");
+        }
+        std::fs::remove_dir_all(&out).unwrap();
+    }
 }

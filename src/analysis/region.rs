@@ -2,8 +2,8 @@
 
 use crate::answers::SiteAnswers;
 use crate::data::files::LabelFile;
+use crate::data::files::label_query::require_surface;
 use crate::geom::Mesh;
-use crate::geom::Sites;
 use crate::geom::formats;
 use crate::geom::selection::Selector;
 use crate::geom::units::{Length, Unit};
@@ -88,10 +88,13 @@ fn of_findings(text: &str, argument: &'static str) -> Result<Selector> {
     });
     let (folder, ids) = with_ids.unwrap_or((text, None));
     let folder = Path::new(folder);
-    let (sites, answers, of_region) = answers(folder)?;
+    let (LabelFile { sites, provenance, .. }, answers, of_region) = answers(folder)?;
     let path = folder.join(if of_region { REGION } else { SURFACE });
     let mesh = path.is_file().then(|| formats::read_mesh(&path, &Default::default()));
     let mesh = mesh.transpose()?;
+    if let Some(mesh) = mesh.as_ref().filter(|_| !of_region) {
+        require_surface((mesh, &path, true), (&sites, &provenance.settings, folder))?;
+    }
     let found = Findings::of(&sites, mesh.as_ref(), &answers, &[])?;
     let stated = stated(&folder.join(FINDINGS[0]))?;
     let wanted = match ids {
@@ -127,19 +130,21 @@ fn stated(path: &Path) -> Result<Vec<(u32, u32)>> {
     pairs.ok_or_else(|| bad("findings", "one has no number or site".into()))
 }
 
-/// Sites and answers of a folder of `deepmill label`; of several tools, what none of them reaches.
-fn answers(folder: &Path) -> Result<(Sites, SiteAnswers, bool)> {
+/// Labels of a folder of `deepmill label`, the answers, and whether they are of a region; of several tools, the first
+/// one's, and what none of them reaches.
+fn answers(folder: &Path) -> Result<(LabelFile, SiteAnswers, bool)> {
     const LABELS: &str = "labels.npz";
     let Some(folders) = coverage::labeled_tools(folder)? else {
         let mut file = LabelFile::read(&folder.join(LABELS))?;
         let of_region = take_region(&mut file);
-        return Ok((file.sites, file.labels.answers, of_region));
+        let answers = std::mem::take(&mut file.labels.answers);
+        return Ok((file, answers, of_region));
     };
     let read = |(_, name): &(String, String)| LabelFile::read(&folder.join(name).join(LABELS));
     let mut files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
     let all = for_all_tools(files.iter().map(|file| &file.labels.answers));
     let of_region = take_region(&mut files[0]);
-    Ok((files.swap_remove(0).sites, all, of_region))
+    Ok((files.swap_remove(0), all, of_region))
 }
 
 /// Whether the labels are of a region, of which the surface is beside them; the sites' faces, which are those of the

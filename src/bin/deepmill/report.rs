@@ -7,10 +7,12 @@ use crate::progress;
 use crate::status;
 use deepmill::analysis::{Read, advise_again, findings_of_tools, take_region};
 use deepmill::answers::SiteAnswers;
+use deepmill::data::files::label_query::require_surface;
+use deepmill::data::files::settings::AnalysisSettings;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
-use deepmill::geom::Mesh;
 use deepmill::geom::formats::{self, ReadOptions};
 use deepmill::geom::units::Unit;
+use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
 use deepmill::report::Scene;
 use deepmill::report::coverage::{self, Shares};
@@ -64,7 +66,12 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
     let out = args.out.as_deref().unwrap_or(&found.folder);
     atomic_file::check_writable_folder(out)?;
-    let mesh = found.mesh(args, of_region, output)?;
+    let of_labels = labels.as_ref().map(|file| (&file.sites, &file.provenance.settings));
+    let of_predictions = predictions.as_ref().map(|file| (&file.sites, &file.provenance.settings));
+    let labels_path = of_labels.zip(found.labels.as_deref());
+    let predictions_path = of_predictions.zip(found.predictions.as_deref());
+    let about: Vec<About> = labels_path.into_iter().chain(predictions_path).collect();
+    let mesh = found.mesh(args, (of_region, &about), output)?;
     let outlines = found.outlines(mesh.as_ref())?;
     let scene = Scene { mesh: mesh.as_ref(), outlines: &outlines };
     let working = progress::working("drawing");
@@ -169,7 +176,10 @@ fn several(args: &Args, tools: Vec<(String, String)>, output: &Output) -> Result
     let out = args.out.as_deref().unwrap_or(&args.results);
     atomic_file::check_writable_folder(out)?;
     let found = Found { folder: args.results.clone(), labels: None, predictions: None };
-    let mesh = found.mesh(args, of_region, output)?;
+    let at: Vec<PathBuf> = folders.iter().map(|of| args.results.join(of).join(LABELS)).collect();
+    let about = files.iter().map(|file| (&file.sites, &file.provenance.settings)).zip(&at);
+    let about: Vec<About> = about.map(|(of, path)| (of, &**path)).collect();
+    let mesh = found.mesh(args, (of_region, &about), output)?;
     let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
     let tools: Vec<&str> = names.iter().map(String::as_str).collect();
     let labels: Vec<_> = files.iter().map(|file| &file.labels).collect();
@@ -184,7 +194,6 @@ fn several(args: &Args, tools: Vec<(String, String)>, output: &Output) -> Result
     let (classes, of) = coverage::groups(&tools, &first);
     let mut all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
     all.take_ids(&args.results);
-    let at: Vec<PathBuf> = folders.iter().map(|of| args.results.join(of).join(LABELS)).collect();
     let read = tools.iter().zip(&files).zip(&at);
     let read: Vec<Read> = read.map(|((name, file), path)| Read { name, file, path }).collect();
     advise_again(&mut all, &read, mesh.as_ref().filter(|_| !of_region))?;
@@ -297,16 +306,28 @@ impl Found {
         Ok(outlines(&formats::read_mesh(&path, &ReadOptions::default())?, mesh))
     }
 
-    /// The surface to draw on, if there is one: the part's, or a region of it.
-    fn mesh(&self, args: &Args, of_region: bool, output: &Output) -> Result<Option<Mesh>> {
+    /// The surface to draw on, if there is one: the part's, that of all answers, or a region of it.
+    fn mesh(
+        &self,
+        args: &Args,
+        (of_region, about): (bool, &[About]),
+        output: &Output,
+    ) -> Result<Option<Mesh>> {
         let name = if of_region { REGION } else { SURFACE };
         let stored = self.stored(name);
-        match &args.part {
-            Some(path) => args.read.read_near(path, output).map(Some),
+        let (mesh, path) = match &args.part {
+            Some(path) => (args.read.read_near(path, output)?, path),
             None if stored.is_file() => {
-                formats::read_mesh(&stored, &ReadOptions::default()).map(Some)
+                (formats::read_mesh(&stored, &ReadOptions::default())?, &stored)
             }
-            None => Ok(None),
+            None => return Ok(None),
+        };
+        for ((sites, settings), of) in about.iter().filter(|_| !of_region) {
+            require_surface((&mesh, path, args.part.is_none()), (sites, settings, of))?;
         }
+        Ok(Some(mesh))
     }
 }
+
+/// Sites of answers with their settings, and their file.
+type About<'a> = ((&'a Sites, &'a AnalysisSettings), &'a Path);

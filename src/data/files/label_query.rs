@@ -7,6 +7,7 @@
 mod stated;
 
 use super::LabelFile;
+use super::settings::AnalysisSettings;
 use super::tools::Tool;
 use crate::access::surface::explain::{
     Explanation, Query, RegionAdvice, Remedies, explain_among_points,
@@ -18,8 +19,9 @@ use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::Definition;
 use crate::directions::Directions;
 use crate::geom::formats;
+use crate::geom::sites::nearest_in_triangle;
 use crate::geom::{Mesh, Sites};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use glam::{DVec3, Vec3};
 use stated::{LABEL_AGAIN, Stated};
 use std::path::Path;
@@ -47,6 +49,50 @@ pub(super) fn hash_of(mesh: &Mesh) -> Result<String> {
 fn hex(bytes: &[u8]) -> String {
     hmac_sha256::Hash::hash(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
+
+/// Passes the surface that answers are about: the one whose SHA-256 they state, or if they state none, one that has the
+/// sites on their triangles. `path` is that of the surface, `of` that of the answers; `is_own` if the surface was written
+/// with answers, and not the file of a part.
+///
+/// # Errors
+/// If it is another one: what is drawn on it would be said of another part.
+#[doc(hidden)] // of the program
+pub fn require_surface(
+    (mesh, path, is_own): (&Mesh, &Path, bool),
+    (sites, settings, of): (&Sites, &AnalysisSettings, &Path),
+) -> Result<()> {
+    let other = |place: &str, found: String| {
+        let remedy = "compute the answers again, or restore the file";
+        Err(Error::file(path, place, found, remedy))
+    };
+    let not_of = format!("it is not the surface of {}", of.display());
+    if let Some(stated) = settings.surface.as_ref().and_then(|of| of.sha256.as_deref()) {
+        // Reading may join corners of a file that this crate has written.
+        let hash = match is_own {
+            true => hex(&input_file::read(path, input_file::DATA)?),
+            false => hash_of(mesh)?,
+        };
+        return match hash == stated {
+            true => Ok(()),
+            false => other("SHA-256", not_of),
+        };
+    }
+    let (low, high) = mesh.bounds().unwrap_or_default();
+    let within_mm = OFF_SURFACE * low.abs().max(high.abs()).max_element();
+    for (i, (point, &face)) in sites.points.iter().zip(&sites.faces).enumerate() {
+        let face = face as usize;
+        let is_there = face < mesh.triangles.len()
+            && point.as_dvec3().distance(nearest_in_triangle(point.as_dvec3(), mesh.corners(face)))
+                <= within_mm;
+        if !is_there {
+            return other("triangles", format!("{not_of}: site {i} is not on its triangle {face}"));
+        }
+    }
+    Ok(())
+}
+
+/// How far a site may be off its triangle by roundings, as a share of the greatest coordinate.
+const OFF_SURFACE: f64 = 1e-5;
 
 /// Labels, and everything that they rest on.
 #[derive(Debug)]
