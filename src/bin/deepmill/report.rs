@@ -8,7 +8,6 @@ use crate::status;
 use deepmill::analysis::{Read, advise_again, findings_of_tools, take_region};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::require_surface;
-use deepmill::data::files::settings::AnalysisSettings;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
 use deepmill::geom::formats::{self, ReadOptions};
 use deepmill::geom::units::Unit;
@@ -66,11 +65,9 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let predictions = found.predictions.as_deref().map(PredictionFile::read).transpose()?;
     let out = args.out.as_deref().unwrap_or(&found.folder);
     atomic_file::check_writable_folder(out)?;
-    let of_labels = labels.as_ref().map(|file| (&file.sites, &file.provenance.settings));
-    let of_predictions = predictions.as_ref().map(|file| (&file.sites, &file.provenance.settings));
-    let labels_path = of_labels.zip(found.labels.as_deref());
-    let predictions_path = of_predictions.zip(found.predictions.as_deref());
-    let about: Vec<About> = labels_path.into_iter().chain(predictions_path).collect();
+    let exact = labels.iter().map(|file| (&file.sites, &file.provenance)).zip(&found.labels);
+    let predicted = predictions.iter().map(|file| (&file.sites, &file.provenance));
+    let about: Vec<About> = exact.chain(predicted.zip(&found.predictions)).collect();
     let mesh = found.mesh(args, (of_region, &about), output)?;
     let outlines = found.outlines(mesh.as_ref())?;
     let scene = Scene { mesh: mesh.as_ref(), outlines: &outlines };
@@ -177,8 +174,8 @@ fn several(args: &Args, tools: Vec<(String, String)>, output: &Output) -> Result
     atomic_file::check_writable_folder(out)?;
     let found = Found { folder: args.results.clone(), labels: None, predictions: None };
     let at: Vec<PathBuf> = folders.iter().map(|of| args.results.join(of).join(LABELS)).collect();
-    let about = files.iter().map(|file| (&file.sites, &file.provenance.settings)).zip(&at);
-    let about: Vec<About> = about.map(|(of, path)| (of, &**path)).collect();
+    let about = files.iter().map(|file| (&file.sites, &file.provenance)).zip(&at);
+    let about: Vec<About> = about.collect();
     let mesh = found.mesh(args, (of_region, &about), output)?;
     let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
     let tools: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -322,12 +319,13 @@ impl Found {
             }
             None => return Ok(None),
         };
-        for ((sites, settings), of) in about.iter().filter(|_| !of_region) {
-            require_surface((&mesh, path, args.part.is_none()), (sites, settings, of))?;
+        for ((sites, provenance), of) in about.iter().filter(|_| !of_region) {
+            let surface = (&mesh, &**path, args.part.is_none());
+            require_surface(surface, (sites, &provenance.settings, of))?;
         }
         Ok(Some(mesh))
     }
 }
 
-/// Sites of answers with their settings, and their file.
-type About<'a> = ((&'a Sites, &'a AnalysisSettings), &'a Path);
+/// Sites of answers, what decided these, and their file.
+type About<'a> = ((&'a Sites, &'a Provenance), &'a PathBuf);

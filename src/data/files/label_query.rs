@@ -61,21 +61,13 @@ pub fn require_surface(
     (mesh, path, is_own): (&Mesh, &Path, bool),
     (sites, settings, of): (&Sites, &AnalysisSettings, &Path),
 ) -> Result<()> {
-    let other = |place: &str, found: String| {
-        let remedy = "compute the answers again, or restore the file";
-        Err(Error::file(path, place, found, remedy))
-    };
-    let not_of = format!("it is not the surface of {}", of.display());
     if let Some(stated) = settings.surface.as_ref().and_then(|of| of.sha256.as_deref()) {
         // Reading may join corners of a file that this crate has written.
         let hash = match is_own {
             true => hex(&input_file::read(path, input_file::DATA)?),
             false => hash_of(mesh)?,
         };
-        return match hash == stated {
-            true => Ok(()),
-            false => other("SHA-256", not_of),
-        };
+        return if hash == stated { Ok(()) } else { Err(another(path, of, "SHA-256")) };
     }
     let (low, high) = mesh.bounds().unwrap_or_default();
     let within_mm = OFF_SURFACE * low.abs().max(high.abs()).max_element();
@@ -85,10 +77,16 @@ pub fn require_surface(
             && point.as_dvec3().distance(nearest_in_triangle(point.as_dvec3(), mesh.corners(face)))
                 <= within_mm;
         if !is_there {
-            return other("triangles", format!("{not_of}: site {i} is not on its triangle {face}"));
+            return Err(another(path, of, format!("triangle {face}, of site {i}")));
         }
     }
     Ok(())
+}
+
+/// The error that a file is not the surface of answers, as a place of it says.
+fn another(path: &Path, of: &Path, place: impl Into<String>) -> Error {
+    let found = format!("it is not the surface of {}", of.display());
+    Error::file(path, place, found, "compute the answers again, or restore the file")
 }
 
 /// How far a site may be off its triangle by roundings, as a share of the greatest coordinate.

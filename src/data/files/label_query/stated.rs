@@ -3,7 +3,7 @@
 use super::super::Provenance;
 use super::super::settings::{AnalysisSettings, Blocking, PartSettings, ToolSettings};
 use super::super::tools::{Tool, steps_of_words};
-use super::{FIXTURES, SURFACE, hash_of, hex};
+use super::{FIXTURES, SURFACE, another, hash_of, hex};
 use crate::access::surface::explain::Remedies;
 use crate::access::surface::{ContactTolerance, FINISH_MM, RefinementOptions, SurfaceOptions};
 use crate::answers::Definition;
@@ -191,9 +191,7 @@ impl Stated<'_> {
         };
         let bytes = input_file::read(&path, input_file::DATA)?;
         if hex(&bytes) != hash {
-            let found = format!("it is not the surface of {}", self.path.display());
-            let remedy = "label the part again, or restore the file";
-            return Err(Error::file(&path, "SHA-256", found, remedy));
+            return Err(another(&path, self.path, "SHA-256"));
         }
         formats::read_mesh(&path, &ReadOptions::default())
     }
