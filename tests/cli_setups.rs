@@ -349,6 +349,48 @@ fn machine_files_give_positions_as_angles_that_turn_the_tool_axis_upright() {
 }
 
 #[test]
+fn what_is_beyond_the_strokes_of_the_machine_is_not_reached() {
+    let folder = Folder::new();
+    // 120 x 40 x 20 mm: 16,000 mm², of which the underside has 4,800.
+    let lines: [&[f32]; 3] = [&[0.0, 120.0], &[0.0, 40.0], &[0.0, 20.0]];
+    let (part, out) = (folder.file("plate.stl", stl(&cells(lines, |_| true))), folder.path("out"));
+    let on = |x: u32, y: u32, more: &[&str]| {
+        let strokes = format!("x = [0, {x}]\ny = [-{y}, 0]\nz = [0, 100]\n");
+        let machine =
+            folder.file("mill.toml", format!("name = \"small\"\n[strokes_mm]\n{strokes}"));
+        let args = ["setups", &part, "--cutter", LONG, "--machine", &machine, "--sites", "4000"];
+        let output =
+            deepmill(&[&args[..], &["--no-picture", "--out", &out, "--json"], more].concat());
+        (text(&output.stderr), json(&output))
+    };
+    let is_share = |value: &Value, key: &str, by_hand: f64| {
+        assert!((number(value, key) - by_hand).abs() < 0.004, "{key}, {by_hand} by hand: {value}");
+    };
+    // Ends of 10 mm are beyond: 800 mm² of the top, as much of the long sides, and 1,600 of both ends.
+    let (said, short) = on(100, 60, &["--setup", "+z", "--setup", "-z"]);
+    for setup in short["setups"].as_array().unwrap() {
+        is_share(setup, "beyond_strokes", 0.2);
+        is_share(setup, "reached", 0.5);
+    }
+    is_share(&short, "reached", 0.75);
+    assert!(
+        said.contains("beyond the strokes of the machine (x 100 mm, y 60 mm, z 100 mm)"),
+        "{said}"
+    );
+    assert!(
+        text(&std::fs::read(folder.path("out/setups.csv")).unwrap()).contains("beyond_strokes")
+    );
+    // On end it is higher than z goes, on its side or flat it is turned by a quarter.
+    let (said, chosen) = on(100, 130, &[]);
+    is_share(&chosen, "reached", 1.0);
+    assert!(!said.contains("beyond the"), "{said}");
+    assert_eq!(names(&chosen), ["1: +z up, +y along x'", "2: -z up, -y along x'"]);
+    let (_, turned) = on(100, 130, &["--setup", "+z"]);
+    assert!(names(&turned)[0].ends_with("y along x'"), "{turned}");
+    is_share(&turned["setups"][0], "beyond_strokes", 0.0);
+}
+
+#[test]
 fn bad_machine_files_are_one_line_of_error() {
     let folder = Folder::new();
     let (part, out) = (two_pockets(&folder), folder.path("out"));

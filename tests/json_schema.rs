@@ -211,7 +211,8 @@ fn other_commands_about_a_part_print_what_the_schema_promises() {
     );
     require("tools_alone", &run(&["tools", "--library", &tools, "--show", "--out", &out]));
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/machines/trunnion-ac.toml");
-    for machine in ["3-axis", "3+2:60", "4-axis:x", file] {
+    let strokes = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/machines/three-axis.toml");
+    for machine in ["3-axis", "3+2:60", "4-axis:x", file, strokes] {
         require("setups", &few("setups", &["--tools", &tools, "--machine", machine]));
     }
     let held = ["--machine", "3-axis", "--vise", "60,60,6", "--table", "10,300"];

@@ -7,7 +7,7 @@
 //! for which its rotary axes have angles within their limits. A site is reached in a
 //! setup iff some tool has a [free pose](super::surface::AccessibleDirections) there along one of them, and the site is
 //! not on what the part lies on. The setups of a [`Plan`] are few of the [`Candidates`] that cover a share of the area
-//! that all candidates reach together. What holds the part is in the way if the answers are about obstacles with it;
+//! that all candidates reach together. Where the strokes of a machine are known, it is not beyond them. What holds the part is in the way if the answers are about obstacles with it;
 //! stock is not modelled.
 //!
 //! # Pseudo-code
@@ -45,6 +45,7 @@ mod clamped;
 mod kinematics;
 mod machine;
 mod plan;
+mod strokes;
 mod turned;
 
 pub use candidates::{Candidate, Candidates, Clampings};

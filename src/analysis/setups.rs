@@ -202,6 +202,7 @@ impl Placed {
         let kept_out = clamped.map(|clamped| clamped.kept_out(&plan, mesh, sites, shares));
         let names = tools.iter().map(|tool| tool.name.clone()).collect();
         let setups = Setups::new(plan, request.machine.clone(), names, areas);
+        notices.extend(setups.stroke_notices());
         let mut findings = Findings::of(of_shown, shown, &setups.answers(), &[])?;
         let setups = match kept_out {
             Some(kept_out) => {

@@ -19,7 +19,7 @@ use crate::answers::SiteAnswers;
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, formats};
 use crate::{Result, atomic_file};
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -108,6 +108,39 @@ impl Setups {
         answers
     }
 
+    /// Whether the strokes of the machine are known.
+    fn has_strokes(&self) -> bool {
+        self.machine.axes().is_some_and(|axes| axes.strokes_mm() != DVec3::INFINITY)
+    }
+
+    /// Share of the surface that a setup does not reach for the strokes of the machine alone.
+    fn beyond_strokes(&self, setup: &Setup) -> f64 {
+        let beyond = setup.beyond_strokes();
+        self.areas.share(|i| beyond.get(i) == Some(&true))
+    }
+
+    /// What the strokes of the machine leave out, a sentence per setup.
+    #[cfg(feature = "generate")] // of `analysis`
+    pub(crate) fn stroke_notices(&self) -> Vec<String> {
+        let Some(axes) = self.machine.axes() else { return Vec::new() };
+        let words = [0, 1, 2].map(|k| match axes.strokes_mm()[k] {
+            mm if mm.is_finite() => format!("{} {mm} mm", ["x", "y", "z"][k]),
+            _ => String::new(),
+        });
+        let known: Vec<String> = words.into_iter().filter(|words| !words.is_empty()).collect();
+        let notice = |(name, setup): (&String, &Setup)| {
+            let percent = 100.0 * self.beyond_strokes(setup);
+            (percent > 0.0).then(|| {
+                format!(
+                    "setup {name}: {percent:.2} % of the surface is beyond the strokes of the machine ({}), \
+                     with the part in their middle; clamp it again for the rest, or take a machine with longer ones",
+                    known.join(", ")
+                )
+            })
+        };
+        self.names.iter().zip(&self.plan.setups).filter_map(notice).collect()
+    }
+
     fn mm2(&self, share: f64) -> Cell {
         self.areas.total_mm2().map_or(Cell::Missing, |total| Cell::Number(share * total))
     }
@@ -135,6 +168,7 @@ impl Setups {
             ("tools", "tools"),
         ];
         columns.extend(held::columns(&self.held));
+        columns.extend(self.has_strokes().then_some(("beyond_strokes", "beyond strokes")));
         let mut table = Table::new(&columns);
         let mut so_far = 0.0;
         for (k, (name, setup)) in self.names.iter().zip(&self.plan.setups).enumerate() {
@@ -156,6 +190,7 @@ impl Setups {
                 Cell::Text(self.tool_names(setup)),
             ]);
             row.extend(held::cells(self.held.get(k)));
+            row.extend(self.has_strokes().then(|| Cell::Share(self.beyond_strokes(setup))));
             table.row(row);
         }
         table

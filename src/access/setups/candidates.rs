@@ -2,7 +2,8 @@
 
 use super::machine::{DOWN_RAD, LOWEST_MM, Machine, angle, direction_words};
 use super::turned::{
-    ROUNDING_RAD, SAME_RAD, Turned, by_axes, quarters_on, rotary_axes, upright, with_sphere,
+    ROUNDING_RAD, SAME_RAD, Turned, by_axes, is_better_across, quarters_on, rotary_axes, upright,
+    with_sphere,
 };
 use crate::directions::{DirectionSet, Directions, TurnLimits};
 use crate::geom::Mesh;
@@ -135,7 +136,7 @@ impl Candidates {
             }
             _ => over_sphere(&machine, &likely, (clampings, n_upright), n_directions)?,
         };
-        Candidates::of(machine, (likely, !flat.is_empty()), normals, (directions, list))
+        Candidates::of(part, machine, (likely, !flat.is_empty()), normals, (directions, list))
     }
 
     /// The given setups alone, in their order: of each z', or the direction of the part along the rotary axis.
@@ -186,10 +187,11 @@ impl Candidates {
             }
             _ => over_sphere(&machine, &likely, (Clampings::Flat, setups.len()), n_directions)?,
         };
-        Candidates::of(machine, (likely, has_flat), flat, (directions, list))
+        Candidates::of(part, machine, (likely, has_flat), flat, (directions, list))
     }
 
     fn of(
+        part: &Mesh,
         machine: Machine,
         (likely, has_flat): (Vec<Vec3>, bool),
         faces: Vec<Vec3>,
@@ -199,7 +201,10 @@ impl Candidates {
         let directions = Directions::new(DirectionSet::List { vectors })?;
         let n_tool_axes = directions.len();
         list.iter_mut().enumerate().for_each(|(k, candidate)| candidate.orientation = k);
-        Ok(Candidates { machine, likely, has_flat, faces, n_tool_axes, directions, list })
+        let mut candidates =
+            Candidates { machine, likely, has_flat, faces, n_tool_axes, directions, list };
+        candidates.turn_into_strokes(part);
+        Ok(candidates)
     }
 
     /// The machine.
@@ -219,6 +224,21 @@ impl Candidates {
         match self.machine.tilt_rad() {
             Some(_) => [u, v, w],
             None => [w, u.cross(w), u],
+        }
+    }
+
+    /// Turns candidates of a machine without rotary axes by a quarter where the part is then less beyond its strokes.
+    fn turn_into_strokes(&mut self, part: &Mesh) {
+        let Some(machine) = self.machine.axes().filter(|axes| axes.n_axes() == 0) else { return };
+        let strokes = machine.strokes_mm();
+        if strokes == DVec3::INFINITY {
+            return;
+        }
+        let is_better =
+            |candidate: &Candidate| is_better_across(part, self.turn_of(candidate), strokes);
+        let quarters: Vec<u8> = self.list.iter().map(|c| u8::from(is_better(c))).collect();
+        for (candidate, n_quarters) in self.list.iter_mut().zip(quarters) {
+            candidate.n_quarters = n_quarters;
         }
     }
 

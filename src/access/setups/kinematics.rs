@@ -8,7 +8,7 @@
 //! Back: `w = R(k₂, θ₂) z` has `w·k₂ = z·k₂` and `w·k₁ = t·k₁`, so `w = a k₁ + b k₂ ± g k₁×k₂` (Paden and Kahan's
 //! second subproblem). Each sign with a real `g` gives θ₂ from z to `w` about `k₂` and θ₁ from `w` to `t` about `k₁`.
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use std::fmt;
 
 /// What a rotary axis turns.
@@ -53,6 +53,8 @@ impl RotaryParams {
 pub struct Kinematics {
     name: String,
     axes: Vec<RotaryAxis>,
+    /// How far the linear axes go; infinite if it is not known.
+    strokes_mm: DVec3,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -147,7 +149,18 @@ impl Kinematics {
             let limits_deg = limits_deg.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             axes.push(RotaryAxis { letter, on, about, limits_deg });
         }
-        Ok(Kinematics { name: name.trim().into(), axes })
+        Ok(Kinematics { name: name.trim().into(), axes, strokes_mm: DVec3::INFINITY })
+    }
+
+    /// With linear axes that go no farther than this along x, y and z, mm each; infinite if it is not known.
+    #[must_use]
+    pub fn with_strokes_mm(self, strokes_mm: DVec3) -> Self {
+        Kinematics { strokes_mm, ..self }
+    }
+
+    /// How far its linear axes go along x, y and z, mm each; infinite if it is not known.
+    pub fn strokes_mm(&self) -> DVec3 {
+        self.strokes_mm
     }
 
     /// Letters of the axes, in their order.
@@ -212,6 +225,21 @@ impl Kinematics {
             }
         }
         found
+    }
+
+    /// For every way to set a tool axis, how the rotary axes have turned the part.
+    pub(super) fn part_turns(&self, tool_axis: DVec3) -> impl Iterator<Item = DMat3> + '_ {
+        let turn = |angles: Vec<f64>| {
+            let of_table =
+                self.axes.iter().zip(angles).filter(|(axis, _)| axis.on == Carrier::Table);
+            // A table axis turns the part against what it turns the tool.
+            of_table.fold(DMat3::IDENTITY, |turn, (axis, degrees)| {
+                let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+                let [x, y, z] = axes.map(|v| turned(-axis.about, degrees.to_radians(), turn * v));
+                DMat3::from_cols(x, y, z)
+            })
+        };
+        self.poses(tool_axis).into_iter().map(turn)
     }
 
     /// Whether there is such a way.

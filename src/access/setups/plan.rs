@@ -2,6 +2,7 @@
 
 use super::candidates::{Candidate, Candidates};
 use super::machine::{DOWN_RAD, LOWEST_MM, angle};
+use super::strokes::{self, Bits};
 use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share, is_weight};
 use crate::access::surface::AccessibleDirections;
 use crate::geom::{Mesh, Sites};
@@ -106,6 +107,8 @@ pub struct Setup {
     /// Every tool axis of the setup.
     pub axes: Vec<Vec3>,
     candidate: usize,
+    #[serde(default)]
+    beyond_strokes: Vec<bool>,
 }
 
 impl Setup {
@@ -113,9 +116,13 @@ impl Setup {
     pub fn candidate(&self) -> usize {
         self.candidate
     }
-}
 
-type Bits = Vec<u64>;
+    /// Per site, whether it is not reached for the strokes of the machine alone. Empty if none is.
+    #[cfg(all(feature = "formats", feature = "generate"))]
+    pub(crate) fn beyond_strokes(&self) -> &[bool] {
+        &self.beyond_strokes
+    }
+}
 
 fn holds(bits: &[u64], i: usize) -> bool {
     bits[i / 64] >> (i % 64) & 1 == 1
@@ -181,10 +188,10 @@ impl Plan {
             bits
         });
         let list = candidates.list();
-        let lies_on: Vec<Bits> =
-            par::map(list.len(), |c| lies_on(candidates, &list[c], part, sites));
+        let barred: Vec<Barred> =
+            par::map(list.len(), |c| Barred::of(candidates, &list[c], part, sites));
         let reached: Vec<Bits> =
-            par::map(list.len(), |c| reach(&list[c], &lies_on[c], |d| &any[d][..]));
+            par::map(list.len(), |c| reach(&list[c], &barred[c], |d| &any[d][..]));
         let of = |c: usize, i: usize| holds(&reached[c], i);
         let share = choice.share;
         let mut cover = cover_share(list.len(), weights, of, share);
@@ -203,8 +210,8 @@ impl Plan {
                 .collect();
             let adds = new.iter().sum();
             (0..n).filter(|&i| of(c, i)).for_each(|i| first[i] = first[i].or(Some(setups.len())));
-            let lies_on = &lies_on[c];
-            let about = About { candidates, accessible, any: &any, lies_on, share, order };
+            let barred = &barred[c];
+            let about = About { candidates, accessible, any: &any, barred, share, order };
             setups.push(about.setup(c, &reached[c], adds, &new));
         }
         let can_be_reached: Vec<bool> = (0..n).map(|i| (0..list.len()).any(|c| of(c, i))).collect();
@@ -250,12 +257,32 @@ pub(crate) fn reached_in(
     accessible: &[AccessibleDirections],
 ) -> Vec<bool> {
     let candidate = &candidates.list()[number];
-    let lies_on = lies_on(candidates, candidate, part, sites);
-    let mut any = vec![0; lies_on.len()];
+    let barred = Barred::of(candidates, candidate, part, sites);
+    let mut any = vec![0; barred.lies_on.len()];
     for tool in accessible {
-        unite(&mut any, &reach(candidate, &lies_on, |d| tool.words(d)));
+        unite(&mut any, &reach(candidate, &barred, |d| tool.words(d)));
     }
     (0..sites.len()).map(|i| holds(&any, i)).collect()
+}
+
+/// The sites that no tool reaches in a candidate, whatever its poses are.
+struct Barred {
+    lies_on: Bits,
+    /// Per tool axis, where the strokes of the machine bar any; empty if they bar none.
+    beyond: Vec<Option<Bits>>,
+}
+
+impl Barred {
+    fn of(candidates: &Candidates, candidate: &Candidate, part: &Mesh, sites: &Sites) -> Self {
+        Barred {
+            lies_on: lies_on(candidates, candidate, part, sites),
+            beyond: strokes::beyond(candidates, candidate, part, sites),
+        }
+    }
+
+    fn is_beyond(&self, axis: usize, i: usize) -> bool {
+        self.beyond.get(axis).is_some_and(|bits| bits.as_ref().is_some_and(|bits| holds(bits, i)))
+    }
 }
 
 /// The sites on what the part lies on.
@@ -276,10 +303,19 @@ fn lies_on(candidates: &Candidates, candidate: &Candidate, part: &Mesh, sites: &
     bits
 }
 
-/// The union over the tool axes of a candidate.
-fn reach<'a>(candidate: &Candidate, lies_on: &Bits, of: impl Fn(usize) -> &'a [u64]) -> Bits {
+/// The union over the tool axes of a candidate, without what is barred.
+fn reach<'a>(candidate: &Candidate, barred: &Barred, of: impl Fn(usize) -> &'a [u64]) -> Bits {
+    let Barred { lies_on, beyond } = barred;
     let mut bits = vec![0; lies_on.len()];
-    candidate.axes.iter().for_each(|&d| unite(&mut bits, of(d as usize)));
+    for (k, &d) in candidate.axes.iter().enumerate() {
+        match beyond.get(k).and_then(Option::as_ref) {
+            None => unite(&mut bits, of(d as usize)),
+            Some(beyond) => {
+                let within = of(d as usize).iter().zip(beyond).map(|(free, beyond)| free & !beyond);
+                bits.iter_mut().zip(within).for_each(|(a, b)| *a |= b);
+            }
+        }
+    }
     bits.iter_mut().zip(lies_on).for_each(|(a, on)| *a &= !on);
     bits
 }
@@ -292,7 +328,7 @@ struct About<'a> {
     candidates: &'a Candidates,
     accessible: &'a [AccessibleDirections],
     any: &'a [Bits],
-    lies_on: &'a Bits,
+    barred: &'a Barred,
     share: f64,
     order: &'a [usize],
 }
@@ -303,12 +339,22 @@ impl About<'_> {
         let (n, candidate) = (new.len(), &self.candidates.list()[number]);
         let list = |bits: &Bits| (0..n).map(|i| holds(bits, i)).collect::<Vec<bool>>();
         let by_tool: Vec<Vec<bool>> = par::map(self.accessible.len(), |t| {
-            list(&reach(candidate, self.lies_on, |d| self.accessible[t].words(d)))
+            list(&reach(candidate, self.barred, |d| self.accessible[t].words(d)))
         });
         let reaches = |t: usize, i: usize| by_tool[t][i];
         let tools = cover_share_preferring(by_tool.len(), new, reaches, self.share, self.order);
-        let is_accessible = |k: usize, i: usize| {
-            !holds(self.lies_on, i) && holds(&self.any[candidate.axes[k] as usize], i)
+        let is_free = |k: usize, i: usize| {
+            !holds(&self.barred.lies_on, i) && holds(&self.any[candidate.axes[k] as usize], i)
+        };
+        let is_accessible = |k: usize, i: usize| is_free(k, i) && !self.barred.is_beyond(k, i);
+        let beyond_strokes = match self.barred.beyond.iter().any(Option::is_some) {
+            false => Vec::new(),
+            true => (0..n)
+                .map(|i| {
+                    let n_axes = candidate.axes.len();
+                    !holds(reached, i) && (0..n_axes).any(|k| is_free(k, i))
+                })
+                .collect(),
         };
         let has_positions = self.candidates.machine().has_positions();
         let positions = has_positions
@@ -324,6 +370,7 @@ impl About<'_> {
             positions,
             axes: candidate.axes.iter().map(|&d| vectors[d as usize]).collect(),
             candidate: number,
+            beyond_strokes,
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::kinematics::Kinematics;
 use super::machine::angle;
 use crate::directions::{DirectionSet, Directions, basis};
+use crate::geom::Mesh;
 use crate::{Error, Result, memory, par};
 use glam::{DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -167,6 +168,25 @@ impl Distinct {
         self.cells.entry(cell(DVec3::ZERO)).or_default().push(self.list.len() as u32);
         self.list.push(direction);
     }
+}
+
+/// Whether a quarter turn about z' leaves less of the part beyond the strokes of x and y.
+pub(super) fn is_better_across(part: &Mesh, turn: [DVec3; 3], strokes: DVec3) -> bool {
+    let extent = |axis: DVec3| {
+        let [low, high] = range(part, axis);
+        high - low
+    };
+    let (along, across) = (extent(turn[0]), extent(turn[1]));
+    let excess = |x: f64, y: f64| (x - strokes.x).max(0.0) + (y - strokes.y).max(0.0);
+    excess(across, along) < excess(along, across)
+}
+
+/// Between which places along an axis a part is.
+pub(super) fn range(part: &Mesh, axis: DVec3) -> [f64; 2] {
+    part.vertices.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], vertex| {
+        let x = axis.dot(*vertex);
+        [low.min(x), high.max(x)]
+    })
 }
 
 #[cfg(test)]

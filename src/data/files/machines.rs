@@ -1,9 +1,10 @@
-//! Machines as files: rotary axes in the order from the part to the tool, as TOML, or as FreeCAD keeps them.
+//! Machines as files: strokes, and rotary axes in the order from the part to the tool, as TOML, or as FreeCAD keeps them.
 
 mod freecad;
 
 use crate::access::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
 use crate::{Error, Result, input_file};
+use glam::DVec3;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
@@ -101,13 +102,16 @@ fn parse(text: &str, path: &Path) -> Result<Machine> {
             "write home = \"+z\", with the vectors of the axes turned so that the tool is along it";
         return Err(refused(home.span(), found, remedy));
     }
+    let mut strokes_mm = DVec3::INFINITY;
     if let Some(Strokes { x, y, z }) = file.strokes_mm {
-        for range in [x, y, z].into_iter().flatten() {
+        for (k, range) in [x, y, z].into_iter().enumerate() {
+            let Some(range) = range else { continue };
             let Numbers([low, high]) = *range.get_ref();
             if !(low.is_finite() && high.is_finite() && low < high) {
                 let remedy = "give the least and then the greatest place, mm";
                 return Err(refused(range.span(), format!("the stroke {low}, {high}"), remedy));
             }
+            strokes_mm[k] = high - low;
         }
     }
     let mut axes = Vec::with_capacity(file.axis.len());
@@ -142,7 +146,8 @@ fn parse(text: &str, path: &Path) -> Result<Machine> {
         });
     }
     let kinematics = Kinematics::new(file.name.get_ref(), axes);
-    kinematics.map(Machine::Axes).map_err(|Fault { axis, key, found, remedy }| {
+    let machine = |axes: Kinematics| Machine::Axes(axes.with_strokes_mm(strokes_mm));
+    kinematics.map(machine).map_err(|Fault { axis, key, found, remedy }| {
         let of = axis.and_then(|k| file.axis.get(k)).map(Spanned::get_ref);
         let span = match (key, of) {
             ("letter", Some(of)) => of.letter.span(),

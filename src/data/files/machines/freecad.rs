@@ -8,11 +8,13 @@
 //! Of two table axes the one about z carries the part, and turns on the other; of two head axes the one about z is on the
 //! frame, and carries the other: so FreeCAD applies them, whatever their parents say, and an axis about z next to the
 //! tool would turn nothing. Without an axis about z the root of the chain of parents is nearest to the part or the tool, as
-//! in FreeCAD; on one parent the lesser `sequence` is. Linear axes, tool heads, output and post-processor are not used.
+//! in FreeCAD; on one parent the lesser `sequence` is. A linear axis along x, y or z is as long as its limits are apart, if the
+//! file has metric units. Tool heads, output and post-processor are not used.
 
 use super::REMEDY;
 use crate::access::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
 use crate::{Error, Result};
+use glam::DVec3;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -25,6 +27,7 @@ struct File {
 #[derive(Deserialize)]
 struct Described {
     name: Option<String>,
+    units: Option<String>,
     #[serde(default)]
     axes: BTreeMap<String, Axis>,
     #[serde(default)]
@@ -69,6 +72,24 @@ struct Limits {
     max: f64,
 }
 
+impl Axis {
+    fn vector(&self) -> Option<[f64; 3]> {
+        match self.joint {
+            Some(Joint::Named { axis } | Joint::Listed([_, axis])) => Some(axis),
+            None => None,
+        }
+    }
+
+    /// Of a linear axis along x, y or z, 0 to 2: which one, and how long it is, mm. None if it is not known.
+    fn stroke(&self) -> Option<(usize, f64)> {
+        let Limits { min, max } = self.limits.as_ref()?;
+        let along = DVec3::from_array(self.vector()?).try_normalize()?.abs();
+        let k = (0..3).find(|k| along[*k] > 1.0 - TURNED)?;
+        let stroke = max - min;
+        (stroke > 0.0 && stroke.is_finite()).then_some((k, stroke))
+    }
+}
+
 /// Greatest difference of a frame from the machine's own.
 const TURNED: f64 = 1e-9;
 
@@ -88,6 +109,8 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Machine> {
         let remedy = "give the axes in the machine's own frame, with the tool along +z";
         return refused("machine.kinematics.base_frame".into(), found, remedy);
     }
+    let is_metric = machine.units.as_deref().is_none_or(|units| units == "metric");
+    let mut strokes_mm = DVec3::INFINITY;
     let mut axes: Vec<(Carrier, usize, i64, RotaryParams)> = Vec::new();
     for (name, axis) in &machine.axes {
         let place = || format!("machine.axes.{name}");
@@ -98,7 +121,12 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Machine> {
                 let remedy = "give the role table_rotary or head_rotary";
                 return refused(place(), format!("role is `{other}`"), remedy);
             }
-            (Some("linear"), _) => continue,
+            (Some("linear"), _) => {
+                if let (true, Some((k, stroke))) = (is_metric, axis.stroke()) {
+                    strokes_mm[k] = stroke;
+                }
+                continue;
+            }
             (other, _) => {
                 let found = format!("type is {}", other.map_or("missing".into(), quoted));
                 return refused(place(), found, "give the type linear or rotary");
@@ -108,12 +136,9 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Machine> {
         let (Some(letter), None) = (letters.next(), letters.next()) else {
             return refused(place(), quoted(name), "name rotary axes A, B or C");
         };
-        let about = match &axis.joint {
-            Some(Joint::Named { axis } | Joint::Listed([_, axis])) => *axis,
-            None => {
-                let remedy = "give joint.axis, a vector along the axis";
-                return refused(place(), "no `joint`".into(), remedy);
-            }
+        let Some(about) = axis.vector() else {
+            let remedy = "give joint.axis, a vector along the axis";
+            return refused(place(), "no `joint`".into(), remedy);
         };
         let Some(depth) = depth(&machine.axes, name) else {
             let remedy = "give every axis the one it is mounted on, or null for the frame";
@@ -138,7 +163,8 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Machine> {
     let name =
         name.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into());
     let kinematics = Kinematics::new(&name, params);
-    kinematics.map(Machine::Axes).map_err(|Fault { axis, key, found, remedy }| {
+    let machine = |axes: Kinematics| Machine::Axes(axes.with_strokes_mm(strokes_mm));
+    kinematics.map(machine).map_err(|Fault { axis, key, found, remedy }| {
         let of = axis.and_then(|k| letters.get(k));
         let place = of.map_or(format!("machine.{key}"), |letter| format!("machine.axes.{letter}"));
         Error::file(path, place, found, if of.is_some() { remedy } else { REMEDY })

@@ -172,6 +172,36 @@ fn machines_of_freecad_are_the_same_machines_whatever_the_order_and_form_of_thei
 }
 
 #[test]
+fn strokes_are_as_long_as_the_places_are_apart() {
+    let strokes = |machine: &Machine| machine.axes().unwrap().strokes_mm();
+    let toml = read(Path::new("docs/machines/three-axis.toml")).unwrap();
+    assert_eq!(strokes(&toml), DVec3::new(762.0, 406.0, 508.0));
+    let text = "name = \"n\"\n[strokes_mm]\ny = [-3, 5]";
+    let only_y = parse(text, Path::new("m.toml")).unwrap();
+    assert_eq!(strokes(&only_y), DVec3::new(f64::INFINITY, 8.0, f64::INFINITY));
+    // FreeCAD's x is from 0 to 510; of y and z nothing is known, or nothing that is a length in mm.
+    let of = |text: &str| strokes(&freecad::parse(text, Path::new("m.fcm")).unwrap());
+    let linear = |more: &str| ("Y", format!(r#""type": "linear", {more}"#));
+    let x_alone = DVec3::new(510.0, f64::INFINITY, f64::INFINITY);
+    for more in [
+        r#""limits": {"min": 0, "max": 300}"#,
+        r#""joint": [[0, 0, 0], [0, 0.6, 0.8]], "limits": {"min": 0, "max": 300}"#,
+        r#""joint": [[0, 0, 0], [0, 1, 0]]"#,
+        r#""joint": [[0, 0, 0], [0, 1, 0]], "limits": {"min": 5, "max": 5}"#,
+    ] {
+        let (name, text) = linear(more);
+        assert_eq!(of(&fcm(&[(name, &text)])), x_alone, "{more}");
+    }
+    let (name, text) =
+        linear(r#""joint": {"axis": [0, -1, 0]}, "limits": {"min": -100, "max": 300}"#);
+    let both = fcm(&[(name, &text)]);
+    assert_eq!(of(&both), DVec3::new(510.0, 400.0, f64::INFINITY));
+    let inches =
+        both.replace("\"name\": \"VM 5\", \"units\": \"metric\"", "\"units\": \"imperial\"");
+    assert_eq!(of(&inches), DVec3::INFINITY);
+}
+
+#[test]
 fn bad_machines_of_freecad_get_one_line_with_the_axis_and_a_remedy() {
     let joint = r#""joint": [[0, 0, 0], [1, 0, 0]]"#;
     let a = |more: &str| fcm(&[("A", &format!("{ON_TABLE}, {more}"))]);
