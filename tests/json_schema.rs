@@ -5,6 +5,8 @@ mod command;
 
 use command::{Folder, deepmill, grooved, text};
 use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 
 /// The schema, and the definition that a value is held against.
 struct Schema(Value);
@@ -260,4 +262,160 @@ fn other_commands_about_a_part_print_what_the_schema_promises() {
     require("report", &run(&["report", &predicted]));
     let failed = deepmill(&["check", "nowhere.stl", "--json"]);
     require("error", &serde_json::from_slice(&failed.stdout).unwrap());
+}
+
+#[test]
+fn commands_about_data_sets_and_networks_print_what_the_schema_promises() {
+    let (schema, folder) = (Schema::read(), Folder::new());
+    let require = |name: &str, value: &Value| require(&schema, name, value);
+    let build = |out: &str, more: &[&str]| {
+        let args = ["dataset", "build", "--generated", "2", "--sites", "80", "--out", out];
+        run(&[&args[..], more].concat())
+    };
+    let [data, kept, space, shards] =
+        ["data", "kept", "space", "shards"].map(|name| folder.path(name));
+    require("dataset", &build(&data, &["--directions", "10"]));
+    let kept_back = ["--directions", "10", "--validation", "0.5", "--seed", "3", "--cutters", "2"];
+    require("dataset", &build(&kept, &kept_back));
+    require("dataset", &build(&space, &["--volume", "--obstacles", "part"]));
+    require("dataset_unfinished", &build(&shards, &["--shard", "0/2"]));
+    require("dataset", &build(&shards, &["--shard", "1/2"]));
+    let sized = ["--sizes", "15,600", "--obstacles", "50", "--bottom", "none"];
+    for (k, directions) in
+        ["deepmill++", "sphere:9", "latlong:2x4", "cone:30:9", "4-axis:x", "up"].iter().enumerate()
+    {
+        let more = [&sized[..], &["--occlusion-rounding", "ceil", "--directions", directions]];
+        require("dataset", &build(&folder.path(&k.to_string()), &more.concat()));
+    }
+    require("dataset", &run(&["dataset", "show", &data]));
+    let (published, imported) = (folder.path("published"), folder.path("imported"));
+    require("dataset_export", &run(&["dataset", "export", &data, "--out", &published]));
+    require("dataset", &run(&["dataset", "import", &published, "--out", &imported]));
+
+    let train = |data: &str, name: &str, config: &str| {
+        let (out, config) = (folder.path(name), folder.file(&format!("{name}.toml"), config));
+        let args = ["train", "--data", data, "--out", &out, "--config", &config];
+        let trained = run(&[&args[..], &["--preset", "tiny", "--epochs", "1"]].concat());
+        require("train", &trained);
+        (trained["best"].as_str().unwrap().to_owned(), trained)
+    };
+    let (octree, of_octree) = train(&kept, "octree", "");
+    assert!(of_octree["last"]["validation"].is_array() && of_octree["best_epoch"] == 1);
+    let graph = "[network]\nkind = \"graph_sage\"\nwidths = [8]\n";
+    let (graph, of_graph) = train(&data, "graph", graph);
+    assert!(of_graph["last"]["validation"].is_null() && of_graph["best_epoch"].is_null());
+    let share = "[network]\nshare_head = true\n[network.attention]\ndepths = [3]\n";
+    let coarse = format!("{share}[network.input]\ncoarse_directions = 10\n");
+    let (share, _) = train(&data, "share", &coarse);
+    let (in_space, _) = train(&space, "points", "[network.input]\nfeatures = \"P\"\n");
+
+    for model in [&octree, &graph, &share, &in_space] {
+        require("weights", &run(&["weights", model]));
+    }
+    require("weights", &run(&["weights"]));
+    let recorded = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/parity");
+    let weights = run(&["weights", &format!("{recorded}/weights.safetensors")]);
+    assert!(weights["definition"].is_null() && weights["domain"].is_null());
+    require("weights", &weights);
+    let copy = folder.path("copy.safetensors");
+    require("weights", &run(&["weights", &octree, "--bf16", &copy, "--calibrate", &data]));
+
+    require("eval", &run(&["eval", "--data", &data]));
+    require("eval", &run(&["eval", "--model", &in_space, "--data", &space]));
+    let eval = ["eval", "--model", &share, "--against", &graph, "--data", &data, &kept];
+    let scores = run(&[&eval[..], &["--exact", "--verify", "0.1,0.2"]].concat());
+    assert!(scores["verified"].as_array().unwrap().len() == 4);
+    assert!(scores["pooled"][0]["share_error"].is_number());
+    require("eval", &scores);
+    // Changes of a row that no schema may take.
+    for (key, value) in [("f1_i", Value::Null), ("acc_o", json!(-0.5)), ("more", json!(1))] {
+        let mut wrong = scores.clone();
+        wrong["by_area"][0][key] = value;
+        assert_eq!(schema.errors("eval", &wrong).len(), 1, "{key}");
+    }
+}
+
+#[test]
+fn checks_times_and_the_demo_print_what_the_schema_promises() {
+    let (schema, folder) = (Schema::read(), Folder::new());
+    let require = |name: &str, value: &Value| require(&schema, name, value);
+    let fixtures = folder.path("fixtures");
+    let layers = ["gradcheck", "--layer", "linear", "--layer", "graph_sage"];
+    require("gradcheck", &run(&[&layers[..], &["--out", &fixtures]].concat()));
+    let failed = deepmill(&["gradcheck", "--layer", "linear", "--limit", "1e-30", "--json"]);
+    assert_eq!(failed.status.code(), Some(1));
+    let failed: Value = serde_json::from_slice(&failed.stdout).unwrap();
+    assert_eq!(failed["passed"], false);
+    require("gradcheck", &failed);
+    let recorded = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/parity");
+    require("parity", &run(&["parity", recorded]));
+    let small = ["--preset", "tiny", "--batch", "1", "--sites", "100", "--seconds", "0.01"];
+    require("bench_layers", &run(&[&["bench", "layers"], &small[..]].concat()));
+    for work in ["octree", "forward", "step"] {
+        let network = ["bench", "network", "--work", work];
+        require("bench_network", &run(&[&network[..], &small].concat()));
+    }
+    // It writes to the folder that it is started in.
+    let mut demo = Command::new(env!("CARGO_BIN_EXE_deepmill"));
+    let demo = demo.args(["demo", "--json"]).current_dir(folder.path("")).output().unwrap();
+    require("demo", &command::json(&demo));
+}
+
+#[test]
+fn a_part_that_is_watched_is_told_as_the_schema_promises() {
+    let (schema, folder) = (Schema::read(), Folder::new());
+    let part = grooved(&folder, 20.0, 8.0);
+    let tools = folder.file("mill.csv", "name,CR,CH,FR,FH\nD6,3,14,20,30\n");
+    for args in [
+        &["watch", &part, "--cutter", "3,14,20,30"][..],
+        &["watch", "tools", &part, "--library", &tools],
+        &["watch", "setups", &part, "--tools", &tools, "--machine", "3-axis"],
+    ] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_deepmill"));
+        program.args(args).args(["--sites", "400", "--json"]);
+        let mut program =
+            program.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("a program");
+        let line = BufReader::new(program.stdout.take().unwrap()).lines().next();
+        program.kill().unwrap();
+        program.wait().unwrap();
+        require(&schema, "watch", &serde_json::from_str(&line.unwrap().unwrap()).unwrap());
+    }
+}
+
+#[test]
+fn every_experiment_prints_what_the_schema_promises() {
+    let (schema, folder) = (Schema::read(), Folder::new());
+    let small = ["--parts-count", "4", "--sites", "80", "--preset", "tiny", "--samples", "8"];
+    let args = ["reproduce", "all", "--out", &folder.path("out")];
+    let all = run(&[&args[..], &small].concat());
+    require(&schema, "reproduce", &all);
+    for (name, page) in all.as_object().unwrap().iter().filter(|(name, _)| *name != "trained") {
+        require(&schema, &format!("reproduce_{name}"), page);
+    }
+}
+
+#[test]
+fn every_command_has_a_definition_and_every_object_is_closed() {
+    let schema = Schema::read().0;
+    let definitions = schema["$defs"].as_object().unwrap();
+    let help = text(&deepmill(&["--help"]).stdout);
+    let listed = help.split("On a part:").nth(1).unwrap().split("Options:").next().unwrap();
+    let is_row = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
+    let commands: Vec<&str> = listed.lines().filter(is_row).collect();
+    assert!(commands.len() > 15, "{listed}");
+    for command in commands.iter().map(|line| line.split_whitespace().next().unwrap()) {
+        let of_verb = format!("{command}_");
+        let is_its = |name: &String| name == command || name.starts_with(&of_verb);
+        assert!(definitions.keys().any(is_its), "{command} has no definition");
+    }
+    let mut left: Vec<&Value> = definitions.values().collect();
+    while let Some(value) = left.pop() {
+        if value["properties"].is_object() {
+            assert!(value.get("additionalProperties").is_some(), "open: {value}");
+        }
+        let target = value["$ref"].as_str().map(|name| name.strip_prefix("#").unwrap());
+        assert!(target.is_none_or(|name| schema.pointer(name).is_some()), "{target:?}");
+        left.extend(value.as_object().into_iter().flat_map(|object| object.values()));
+        left.extend(value.as_array().into_iter().flatten());
+    }
 }
