@@ -28,10 +28,38 @@ pub struct Dropped<'a> {
 /// Places along a line that are tried, and halvings of what is between two.
 const PLACES: usize = 24;
 const HALVINGS: usize = 30;
+/// Intervals of a line that are bounded each by itself.
+const INTERVALS: usize = 16;
+/// Of sums of lengths, a share.
+const ROUNDING: f64 = 1e-12;
+
+/// What a worker keeps from pose to pose; no result depends on it.
+#[derive(Debug, Default)]
+pub struct Recent {
+    scratch: Scratch,
+    /// Places of triangles that a tool stopped at, the last first.
+    stops: Vec<u32>,
+}
+
+/// Triangles that are tried first.
+const MOST_RECENT: usize = 8;
+
+impl Recent {
+    fn push(&mut self, place: u32) {
+        match self.stops.iter().position(|other| *other == place) {
+            Some(k) => self.stops[..=k].rotate_right(1),
+            None => {
+                self.stops.truncate(MOST_RECENT - 1);
+                self.stops.insert(0, place);
+            }
+        }
+    }
+}
 
 impl Dropped<'_> {
-    /// Height of the reference point above that of `reference` where the tool stops.
-    fn stop(&self, stand: &Stand, scratch: &mut Scratch) -> f64 {
+    /// Height of the reference point above that of `reference` where the tool stops; any at which something is in the
+    /// way if it stops above `high`.
+    fn stop(&self, stand: &Stand, high: f64, recent: &mut Recent) -> f64 {
         let Dropped { bvh, tolerances, outline, .. } = *self;
         let least = tolerances.least;
         let levels: Vec<[f64; 2]> =
@@ -45,7 +73,8 @@ impl Dropped<'_> {
                 let tip = outline.tip(tolerance);
                 let [height, radius] = tip.lower_end();
                 if top - height > value && distance <= radius * radius {
-                    value = value.max(drop::tip(&corners, tip));
+                    // By this bound a triangle is passed over: roundings above it would make the order count.
+                    value = value.max(drop::tip(&corners, tip).min(top - height));
                 }
             }
             for [height, radius] in outline.steps(tolerance) {
@@ -53,23 +82,37 @@ impl Dropped<'_> {
                     break;
                 }
                 if radius > 0.0 && distance <= radius * radius {
-                    value = value.max(drop::disc(&corners, radius) - height);
+                    value = value.max((drop::disc(&corners, radius) - height).min(top - height));
                 }
             }
             value
         };
-        let low = -2.0 * (bvh.radius() + outline.size());
-        scratch.max_raise(bvh, stand, (&levels, outline.size()), [low, f64::INFINITY], value)
+        let mut low = -2.0 * (bvh.radius() + outline.size());
+        for k in 0..recent.stops.len() {
+            let place = recent.stops[k];
+            low = low.max(value(place, low));
+            if low > high {
+                recent.push(place);
+                return low;
+            }
+        }
+        recent.scratch.last = None;
+        low = recent.scratch.max_raise(bvh, stand, (&levels, outline.size()), [low, high], value);
+        if let Some(place) = recent.scratch.last {
+            recent.push(place);
+        }
+        low
     }
 
     /// The length of a line that is left by the tool with its axis at `x` across `axes`, relative to the line's begin;
-    /// the reference point above it where the tool stops. None if all of the line is left.
+    /// the reference point above it where the tool stops. None if all of the line is left; it may be none
+    /// if more than `below` is.
     pub fn left(
         &self,
         line: &Line,
         axes: Axes,
-        x: DVec2,
-        scratch: &mut Scratch,
+        (x, below): (DVec2, f64),
+        recent: &mut Recent,
     ) -> Option<(f64, DVec3)> {
         let [u, v, d] = axes;
         let stand = Stand { reference: line.from + u * x.x + v * x.y, axes };
@@ -79,10 +122,14 @@ impl Dropped<'_> {
         let across = way.truncate();
         let [begin, end] = within(way, x, radius)?;
         let (begin, end) = (begin.max(0.0), end.min(line.length));
-        if begin > end {
+        if begin > end.min(below) {
             return None;
         }
-        let stop = self.stop(&stand, scratch);
+        let high = self.highest_stop(way, x, [begin, end.min(below)]);
+        let stop = self.stop(&stand, high, recent);
+        if stop > high {
+            return None;
+        }
         let above = |r: f64| {
             let distance = (across * r - x).length().min(radius);
             r * way.z - stop - self.cutting.height(distance)
@@ -107,6 +154,21 @@ impl Dropped<'_> {
         Some((found, stand.reference + d * stop))
     }
 
+    /// Above this the tool removes nothing of a line between two lengths, which is `way` from its begin.
+    fn highest_stop(&self, way: DVec3, x: DVec2, [begin, end]: [f64; 2]) -> f64 {
+        let (across, n) = (way.truncate(), INTERVALS as f64);
+        let nearest = x.dot(across) / across.length_squared();
+        let place = |k: usize| begin + (end - begin) * k as f64 / n;
+        let of_interval = |k: usize| {
+            let [low, high] = [place(k), place(k + 1)];
+            let r = if nearest.is_finite() { nearest.max(low).min(high) } else { low };
+            let distance = ((across * r - x).length() * (1.0 - ROUNDING)).min(self.cutting.radius);
+            (low * way.z).max(high * way.z) - self.cutting.height(distance)
+        };
+        let highest = (0..INTERVALS).map(of_interval).fold(f64::NEG_INFINITY, f64::max);
+        highest + ROUNDING * (1.0 + highest.abs() + end)
+    }
+
     /// The least length of a line that is left along a direction, found by steps from `x` that begin with `step` mm and
     /// are halved down to `finest`; and the reference point of the pose.
     pub fn least(
@@ -115,9 +177,11 @@ impl Dropped<'_> {
         axes: Axes,
         x: DVec2,
         [step, finest]: [f64; 2],
-        scratch: &mut Scratch,
+        recent: &mut Recent,
     ) -> Option<(f64, DVec3)> {
-        least_over_places(x, [step, finest], |x, _| self.left(line, axes, x, scratch))
+        least_over_places(x, [step, finest], |x, best| {
+            self.left(line, axes, (x, best.unwrap_or(line.length)), recent)
+        })
     }
 }
 

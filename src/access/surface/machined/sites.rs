@@ -2,14 +2,13 @@
 
 use super::super::obstacles::{TriangleObstacles, contacts};
 use super::super::profile::{Frame, ProfileTool, Underside};
-use super::super::query::Scratch;
 use super::super::tolerance::Tolerances;
 use super::super::tool::Outline;
 use super::super::triangle::nearest;
 use super::super::{SurfaceOptions, WitnessPose};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, Heights};
-use super::pose::{Dropped, Line};
+use super::pose::{Dropped, Line, Recent};
 use super::profile::{AnyTool, Leaves};
 use super::swept::Swept;
 use super::view::View;
@@ -276,7 +275,7 @@ fn by_poses(
     (dropped, pitch): (&Dropped, f64),
 ) -> Vec<Found> {
     let found = par::map_blocks(searches.len(), BLOCK, |range| {
-        let mut scratch = Scratch::default();
+        let mut recent = Recent::default();
         let of = |search: &Search| {
             let mut best = (search.line.length, None);
             // The tool of the images is smaller: where it leaves more, the true one does.
@@ -285,9 +284,8 @@ fn by_poses(
                     break;
                 }
                 let frame = candidate.direction as usize;
-                scratch = std::mem::take(&mut scratch).renewed();
                 let (axes, steps) = (frames[frame].axes, [pitch, FINEST * pitch]);
-                let found = dropped.least(&search.line, axes, candidate.x, steps, &mut scratch);
+                let found = dropped.least(&search.line, axes, candidate.x, steps, &mut recent);
                 if let Some((mm, reference)) = found.filter(|(mm, _)| *mm < best.0) {
                     best = (mm, Some((frame, reference)));
                 }

@@ -1,11 +1,10 @@
 use super::super::profile::Frame;
-use super::super::query::Scratch;
 use super::super::tests::slotted;
 use super::super::tool::{Outline, axes};
 use super::super::{SiteAnswer, SurfaceOptions, TriangleObstacles};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, EMPTY, Heights};
-use super::pose::{Dropped, Line};
+use super::pose::{Dropped, Line, Recent};
 use super::swept::Swept;
 use super::view::View;
 use super::*;
@@ -351,7 +350,7 @@ fn rests_are_no_more_than_a_dense_search_finds() {
 
 fn dense(dropped: &Dropped, line: &Line, frames: &[Frame], radius: f64) -> f64 {
     const N: i32 = 24;
-    let mut scratch = Scratch::default();
+    let mut recent = Recent::default();
     let mut least = line.length;
     for frame in frames {
         let [u, v, _] = frame.axes;
@@ -362,9 +361,17 @@ fn dense(dropped: &Dropped, line: &Line, frames: &[Frame], radius: f64) -> f64 {
             let about = way * (f64::from(place) * radius / way.length().max(1e-9)).min(line.length);
             for (x, y) in (-N..=N).flat_map(|y| (-N..=N).map(move |x| (x, y))) {
                 let x = about + DVec2::new(f64::from(x), f64::from(y)) * (radius / f64::from(N));
-                if let Some((left, _)) = dropped.left(line, frame.axes, x, &mut scratch) {
-                    least = least.min(left);
+                let below = |mm: f64, recent: &mut Recent| {
+                    let found = dropped.left(line, frame.axes, (x, mm), recent);
+                    found.filter(|(left, _)| *left <= mm)
+                };
+                // With the bound, and with what stopped tools before, as without.
+                let found = below(line.length, &mut Recent::default());
+                for mm in [least, 0.5 * least] {
+                    let expected = found.filter(|(left, _)| *left <= mm);
+                    assert_eq!(below(mm, &mut recent), expected, "below {mm} mm");
                 }
+                least = found.map_or(least, |(left, _)| least.min(left));
             }
         }
     }
