@@ -20,6 +20,23 @@ fn a_hundred_thousand_threads_are_capped_with_a_word() {
 }
 
 #[test]
+fn a_part_that_is_not_there_or_a_folder_is_said_to_be_so() {
+    let folder = Folder::new();
+    let (here, nowhere, out) = (folder.path("."), folder.path("nowhere"), folder.path("out"));
+    for command in [&["check"][..], &["label", "--cutter", CUTTER, "--out", &out]] {
+        let of = |path: &str| failure(&deepmill(&[command, &[path]].concat()), 1);
+        assert!(of(&nowhere).contains("nowhere: cannot be read: No such file"), "{}", of(&nowhere));
+        assert!(of(&here).contains("a folder, where a file is expected"), "{}", of(&here));
+    }
+    // Nor is a data set without a sample one.
+    let build = ["dataset", "build", &nowhere, "--out", &out];
+    let message = failure(&deepmill(&build), 1);
+    assert!(message.contains("no sample; 1 of 1 parts were skipped"), "{message}");
+    let manifest = std::fs::read_to_string(folder.path("out/manifest.json")).unwrap();
+    assert!(manifest.contains("No such file"), "{manifest}");
+}
+
+#[test]
 fn cutters_that_cannot_be_are_refused_as_typed() {
     let folder = Folder::new();
     let (part, out) = (folder.block(), folder.path("out"));

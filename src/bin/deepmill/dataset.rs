@@ -9,6 +9,7 @@ use clap::Subcommand;
 use deepmill::data::dataset::{Builder, Dataset, DatasetSettings, Manifest, PartSource, Split};
 use deepmill::data::files::published::{self, List};
 use deepmill::directions::DirectionSet;
+use deepmill::geom::formats::Format;
 use deepmill::processes::{Processes, agree, agree_to_go_on, require_same};
 use deepmill::{Error, Result, atomic_file};
 use serde_json::json;
@@ -140,11 +141,30 @@ fn build(args: &BuildArgs, processes: &dyn Processes, output: &Output) -> Result
     if processes.rank() != 0 {
         return agree(processes, Ok(()));
     }
-    let told = builder.finish().map(|manifest| match manifest {
-        Some(manifest) => show(&manifest, output),
-        None => tell_missing(&builder, output),
+    let told = builder.finish().and_then(|manifest| match manifest {
+        Some(manifest) if manifest.n_samples() == 0 => Err(nothing_labeled(args, &manifest)),
+        Some(manifest) => {
+            show(&manifest, output);
+            Ok(())
+        }
+        None => {
+            tell_missing(&builder, output);
+            Ok(())
+        }
     });
     agree(processes, told)
+}
+
+/// A data set without a sample trains nothing.
+fn nothing_labeled(args: &BuildArgs, manifest: &Manifest) -> Error {
+    let skipped = manifest.parts.iter().filter(|part| part.skipped.is_some()).count();
+    let found = format!("no sample; {skipped} of {} parts were skipped", manifest.parts.len());
+    Error::file(
+        &args.out,
+        "parts",
+        found,
+        "its manifest.json says why of each: mend or replace them",
+    )
 }
 
 fn tell_missing(builder: &Builder, output: &Output) {
@@ -262,7 +282,9 @@ pub fn show(manifest: &Manifest, output: &Output) {
     let skipped = manifest.parts.iter().filter(|p| p.skipped.is_some()).count();
     let cutters =
         || manifest.parts.iter().filter_map(|p| p.content.as_ref()).flat_map(|c| &c.cutters);
-    let share = cutters().map(|c| c.inaccessible).sum::<f64>() / (cutters().count().max(1)) as f64;
+    // Never minus zero.
+    let sum = cutters().map(|c| c.inaccessible).sum::<f64>() + 0.0;
+    let share = sum / (cutters().count().max(1)) as f64;
     output.say(format!(
         "{} parts for training, {} for validation, {skipped} skipped; {} samples, {:.1} % of the sites inaccessible",
         count(Split::Train),
@@ -290,8 +312,7 @@ pub fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in entries {
         let file = entry.map_err(|e| Error::read(path, e))?.path();
-        let extension = file.extension().map(|e| e.to_string_lossy().to_lowercase());
-        if extension.is_some_and(|e| ["stl", "obj", "ply"].contains(&e.as_str())) {
+        if Format::of(&file).is_ok_and(|format| format != Format::Npz) {
             files.push(file);
         }
     }
@@ -300,7 +321,7 @@ pub fn mesh_files(path: &Path) -> Result<Vec<PathBuf>> {
         return Err(Error::file(
             path,
             "folder",
-            "it holds no .stl, .obj or .ply file",
+            "it holds no .stl, .obj, .ply or .3mf file",
             "name the folder that holds the parts",
         ));
     }

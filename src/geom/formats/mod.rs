@@ -114,13 +114,27 @@ impl Format {
             Some("3mf") => Ok(Format::ThreeMf),
             Some("npz") => Ok(Format::Npz),
             Some(ending @ ("step" | "stp" | "iges" | "igs")) => exchange(ending, path),
-            _ => Err(Error::file(
-                path,
-                "file name",
-                "its ending names no format that can be read",
-                "use .stl, .obj, .ply or .3mf for a mesh, .ply or .npz for a cloud",
-            )),
+            _ => Err(no_format(path)),
         }
+    }
+}
+
+/// What to say of a path without a known ending: it may be misspelled, or a folder.
+fn no_format(path: &Path) -> Error {
+    match std::fs::metadata(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Error::read(path, error),
+        Ok(found) if found.is_dir() => Error::file(
+            path,
+            "file name",
+            "a folder, where a file is expected",
+            "name a file in it",
+        ),
+        _ => Error::file(
+            path,
+            "file name",
+            "its ending names no format that can be read",
+            "use .stl, .obj, .ply or .3mf for a mesh, .ply or .npz for a cloud",
+        ),
     }
 }
 

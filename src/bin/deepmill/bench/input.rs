@@ -3,6 +3,7 @@
 use deepmill::geom::{Sites, formats, sites};
 use deepmill::model::{Batch, Shape, UNetConfig};
 use deepmill::{Result, data::generated};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -17,8 +18,8 @@ pub struct Args {
     #[arg(long, default_value = "reference")]
     pub preset: String,
     /// Shapes in the batch; clouds repeat if there are fewer.
-    #[arg(long, default_value_t = 8)]
-    pub batch: usize,
+    #[arg(long, default_value = "8")]
+    pub batch: NonZeroUsize,
     /// Sites on each generated part.
     #[arg(long, default_value_t = 7000)]
     sites: usize,
@@ -38,7 +39,7 @@ impl Args {
     }
 
     pub fn clouds(&self) -> Result<Vec<Sites>> {
-        let n = self.batch.max(1);
+        let n = self.batch.get();
         if self.clouds.is_empty() {
             let options = sites::SiteOptions::default().with_n_sites(self.sites);
             let part = |i| sites::sample(&generated::mixed_part(0, i), &options);
