@@ -201,6 +201,26 @@ fn selected_faces_of_a_file_and_earlier_findings_are_a_region() {
         &["--only", &format!("findings:{earlier}"), "--except", "normal:0,0,-1"],
     );
     assert!(number(&thin, "accessible") > 0.4, "{thin}");
+
+    // So are findings of a region.
+    let not_below = ["--except", "normal:0,0,-1", "--sites", "4000"];
+    let of_region = json(&deepmill(&[&args[..], &UP, &not_below].concat()));
+    let list = of_region["findings"]["findings"].as_array().unwrap();
+    let left = label(&["--only", &format!("findings:{earlier}:1")]);
+    let areas = [number(&left["region"], "area_mm2"), number(&list[0], "area_mm2")];
+    assert!((areas[0] - areas[1]).abs() < 0.1 * areas[1], "{areas:?}");
+
+    // Another command writes its findings into the folder: they are none of the labels.
+    let setups =
+        ["setups", &part, "--cutter", "3,30,20,30", "--machine", "3-axis", "--setup", "+x"];
+    let shown = ["--sites", "4000", "--no-picture", "--out", &earlier, "--json"];
+    json(&deepmill(&[&setups[..], &shown].concat()));
+    let only = ["--only", &format!("findings:{earlier}"), "--sites", "400"];
+    let message = failure(&deepmill(&[&args[..], &only].concat()), 1);
+    assert!(
+        message.contains("findings.json: findings: finding 1 is none of the labels"),
+        "{message}"
+    );
 }
 
 #[test]

@@ -14,6 +14,7 @@ use crate::report::folder::{REGION, SURFACE};
 use crate::{Error, Result};
 use glam::DVec3;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Degrees of `normal:` if none are given.
@@ -96,11 +97,13 @@ fn of_findings(text: &str, argument: &'static str) -> Result<Selector> {
         require_surface((mesh, &path, true), (&sites, &provenance.settings, folder))?;
     }
     let found = Findings::of(&sites, mesh.as_ref(), &answers, &[])?;
-    let stated = stated(&folder.join(FINDINGS[0]))?;
+    let path = folder.join(FINDINGS[0]);
+    let stated = stated(&path)?;
+    require_same(&stated, (&found, of_region), &path)?;
     let wanted = match ids {
         None => stated.clone(),
         Some(ids) => {
-            let known = |id: &u32| stated.iter().find(|(number, _)| number == id).copied();
+            let known = |id: &u32| stated.iter().find(|stated| stated.number == *id).copied();
             let missing = ids.iter().find(|id| known(id).is_none());
             if let Some(id) = missing {
                 let (found, n) = (format!("finding {id}"), stated.len());
@@ -111,23 +114,54 @@ fn of_findings(text: &str, argument: &'static str) -> Result<Selector> {
         }
     };
     let of = |site: u32| found.of_site.get(site as usize).copied().filter(|number| *number > 0);
-    let numbers: Vec<u32> = wanted.iter().filter_map(|(_, site)| of(*site)).collect();
+    let numbers: Vec<u32> = wanted.iter().filter_map(|stated| of(stated.site)).collect();
     let chosen = found.of_site.iter().map(|number| numbers.contains(number)).collect();
     let spacing_mm = (found.surface_mm2 / sites.len().max(1) as f64).sqrt();
     Ok(Selector::Sites { sites, chosen, spacing_mm })
 }
 
-/// The numbers of the findings of a file, and a site of each.
-fn stated(path: &Path) -> Result<Vec<(u32, u32)>> {
+/// A finding of a file: its number, a site of it, and how many it has.
+#[derive(Debug, Clone, Copy)]
+struct Stated {
+    number: u32,
+    site: u32,
+    n_sites: u32,
+}
+
+/// Refuses findings that are not those of the labels beside them: `setups` and `predict` write findings, too.
+fn require_same(
+    stated: &[Stated],
+    (found, of_region): (&Findings, bool),
+    path: &Path,
+) -> Result<()> {
+    let mut n_sites = BTreeMap::<u32, u32>::new();
+    found.of_site.iter().for_each(|number| *n_sites.entry(*number).or_default() += 1);
+    let is_found = |stated: &&Stated| {
+        let number = found.of_site.get(stated.site as usize).filter(|number| **number > 0);
+        // The surface of a region is read without the triangles of its sites: they may be joined otherwise.
+        let is_as_large = |number: &u32| of_region || n_sites.get(number) == Some(&stated.n_sites);
+        number.is_some_and(is_as_large)
+    };
+    let Some(other) = stated.iter().find(|stated| !is_found(stated)) else { return Ok(()) };
+    let found = format!("finding {} is none of the labels beside it", other.number);
+    let remedy = "label the part again: another command has written into the folder after `label`";
+    Err(Error::file(path, "findings", found, remedy))
+}
+
+/// The findings of a file.
+fn stated(path: &Path) -> Result<Vec<Stated>> {
     let remedy = "name a folder that `deepmill label` has written";
     let bad = |place: &str, found: String| Error::file(path, place, found, remedy);
     let bytes = input_file::read(path, input_file::TEXT).map_err(|e| bad("file", e.to_string()))?;
     let value: Value = serde_json::from_slice(&bytes).map_err(|e| bad("text", e.to_string()))?;
     let list = value["findings"].as_array().cloned().unwrap_or_default();
     let number = |value: &Value| value.as_u64().and_then(|n| u32::try_from(n).ok());
-    let pairs = list.iter().map(|one| Some((number(&one["finding"])?, number(&one["site"])?)));
-    let pairs: Option<Vec<_>> = pairs.collect();
-    pairs.ok_or_else(|| bad("findings", "one has no number or site".into()))
+    let stated = list.iter().map(|one| {
+        let of = |key: &str| number(&one[key]);
+        Some(Stated { number: of("finding")?, site: of("site")?, n_sites: of("n_sites")? })
+    });
+    let stated: Option<Vec<_>> = stated.collect();
+    stated.ok_or_else(|| bad("findings", "one has no number, site or n_sites".into()))
 }
 
 /// Labels of a folder of `deepmill label`, the answers, and whether they are of a region; of several tools, the first
