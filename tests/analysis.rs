@@ -7,7 +7,8 @@ use command::{Folder, block, deepmill, stl};
 use deepmill::Error;
 use deepmill::access::LabelOptions;
 use deepmill::analysis::{
-    Analysis, Files, Fixture, Outcome, PredictRequest, Progress, SetupRequest, Stage,
+    Analysis, Files, Fixture, Outcome, PredictRequest, Progress, SetupRequest, SetupsOutcome,
+    Stage, ToolsOutcome,
 };
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
@@ -144,22 +145,17 @@ fn tools_setups_volumes_and_predictions_of_a_program_are_those_of_the_commands()
     let path = step(&folder);
     let table = "name,CR,CH,FR,FH,corner\nF6,3,20,20,20,0\nF12,6,20,20,20,0\n";
     let library = folder.file("tools.csv", table);
-    let tools = || {
-        let named = |name: &str, lengths| {
-            let mut tool = flat(lengths);
-            tool.name = name.into();
-            tool
-        };
-        vec![named("F6", "3,20,20,20"), named("F12", "6,20,20,20")]
-    };
+    let tools = || vec![flat("3,20,20,20").named("F6"), flat("6,20,20,20").named("F12")];
     let spread = SiteOptions::default().with_n_sites(200);
-    let of = |tools| Analysis::new("step.stl", part(&path), tools).spread(spread);
+    let of = |tools| Analysis::new("step.stl", part(&path), tools).spread(spread).library(true);
 
     let arguments = ["tools", &path, "--library", &library, "--sites", "200", "--table", "-1"];
     same_files(&folder, "tools", &arguments, |to, files| {
         let placed = of(tools()).table(-1.0).place(&mut ()).unwrap();
         placed.reach(0.95, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
     });
+    let read = ToolsOutcome::read(folder.path("tools-1").as_ref()).unwrap();
+    assert!(read == of(tools()).table(-1.0).place(&mut ()).unwrap().reach(0.95, &mut ()).unwrap());
 
     let arguments = ["setups", &path, "--tools", &library, "--sites", "200", "--machine", "3-axis"];
     same_files(&folder, "setups", &[&arguments[..], &["--report"]].concat(), |to, files| {
@@ -167,6 +163,9 @@ fn tools_setups_volumes_and_predictions_of_a_program_are_those_of_the_commands()
         let placed = of(tools()).place(&mut ()).unwrap();
         placed.plan(request, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
     });
+    let read = SetupsOutcome::read(folder.path("setups-1").as_ref()).unwrap();
+    assert!(read == SetupsOutcome::read(folder.path("setups-2").as_ref()).unwrap());
+    assert_eq!(read.setups().plan().setups.len(), 2);
 
     let lengths = ["--cutter", "3,20,20,20", "--corner", "0", "--volume", "4", "--table", "-1"];
     same_files(&folder, "volume", &[&["label", &path], &lengths[..]].concat(), |to, files| {

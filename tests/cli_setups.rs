@@ -203,7 +203,8 @@ fn files_tabs_and_tools_of_every_setup_are_written_the_same_for_any_number_of_th
             "findings.json",
             "findings.csv",
             "report.html",
-            "part.stl"
+            "part.stl",
+            "setups.npz"
         ]
     );
     for file in files.iter().filter(|file| !file.ends_with(".png")) {

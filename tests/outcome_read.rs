@@ -1,19 +1,24 @@
 //! `Outcome::read` gives back what was written, whatever was requested, and names what is damaged.
 #![cfg(all(feature = "formats", feature = "generate"))]
 
+use deepmill::access::setups::Clampings;
 use deepmill::access::surface::{RefinementOptions, SurfaceOptions};
-use deepmill::analysis::{Analysis, Files, Fixture, Outcome};
+use deepmill::analysis::{
+    Analysis, Files, Fixture, Outcome, SetupRequest, SetupsOutcome, ToolsOutcome, Vise,
+};
 use deepmill::cutter::{Assembly, Profile, Section};
-use deepmill::data::files::LabelFile;
 use deepmill::data::files::tools::Tool;
+use deepmill::data::files::{LabelFile, machines};
 use deepmill::data::npz::{NpzReader, NpzWriter};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::{MeshOrCloud, ReadOptions, read_part};
 use deepmill::geom::selection::{Selection, Selector};
 use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, solids};
-use deepmill::glam::{DVec2, DVec3};
-use std::path::Path;
+use deepmill::glam::{DVec2, DVec3, Vec3};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use zip::{ZipArchive, ZipWriter};
 
 /// A slot of 12 mm, 14 mm deep, in a block.
 fn slot() -> Mesh {
@@ -98,18 +103,133 @@ fn outcomes_are_read_back_equal_and_written_again_alike() {
         let read = Outcome::read(&first).unwrap();
         assert!(read == outcome, "{name}");
         let again = read.write(&second, &Files::default(), &mut ()).unwrap();
-        for (a, b) in paths.iter().zip(&again) {
-            assert!(
-                std::fs::read(a).unwrap() == std::fs::read(b).unwrap(),
-                "{name}: {}",
-                a.display()
-            );
-        }
-        assert_eq!(paths.len(), again.len());
+        require_same_bytes(name, [paths, again]);
         // An outcome of another request is another.
         let other = Analysis::new("other", slot(), vec![ball()]).n_sites(300).run(&mut ()).unwrap();
         assert!(read != other, "{name}");
     }
+}
+
+/// Whether what is read back of a folder, and written again, is the same to the last byte.
+fn require_same_bytes(name: &str, [paths, again]: [Vec<PathBuf>; 2]) {
+    for (a, b) in paths.iter().zip(&again) {
+        let (first, second) = (std::fs::read(a).unwrap(), std::fs::read(b).unwrap());
+        assert!(first == second, "{name}: {}", a.display());
+    }
+    assert_eq!(paths.len(), again.len());
+}
+
+#[test]
+fn what_tools_reach_is_read_back_equal_and_written_again_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let kinds = ["folder of one", "held", "region", "corners of it", "no search", "rest"];
+    let all = analyses(folder.path()).into_iter().filter(|(name, _)| kinds.contains(name));
+    let mut n = 0;
+    for (name, analysis) in all {
+        n += 1;
+        let outcome = analysis.place(&mut ()).unwrap().reach(0.9, &mut ()).unwrap();
+        let [first, second] = ["first", "second"].map(|which| folder.path().join(name).join(which));
+        let paths = outcome.write(&first, &Files::default(), &mut ()).unwrap();
+        let read = ToolsOutcome::read(&first).unwrap();
+        assert!(read == outcome, "{name}");
+        assert_eq!(read.library().table().csv(), outcome.library().table().csv());
+        let again = read.write(&second, &Files::default(), &mut ()).unwrap();
+        require_same_bytes(name, [paths, again]);
+    }
+    assert_eq!(n, kinds.len());
+    let record = folder.path().join("held/first/tools.npz");
+    require_every_entry(&record, |folder| ToolsOutcome::read(folder).map(drop));
+    let message = ToolsOutcome::read(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("tools.npz: file: there is none"), "{message}");
+    // A record of another kind.
+    let held = folder.path().join("held/first");
+    std::fs::copy(held.join("tools.npz"), held.join("setups.npz")).unwrap();
+    let message = SetupsOutcome::read(&held).unwrap_err().to_string();
+    assert!(message.contains("the format is \"deepmill tools\""), "{message}");
+}
+
+/// Setups on every kind of machine, and held in every way.
+fn requests() -> Vec<(&'static str, SetupRequest)> {
+    let on = |machine: &str| SetupRequest::on(machine.parse().unwrap()).n_directions(20);
+    let file = |name: &str| {
+        let path = format!("{}/docs/machines/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        SetupRequest::on(machines::read(path.as_ref()).unwrap()).n_directions(20)
+    };
+    let mut clamp = solids::cuboid(DVec3::splat(9.0));
+    clamp.vertices.iter_mut().for_each(|v| *v += DVec3::new(2.0, -20.0, 20.1));
+    let clamp = Fixture::new("clamp.stl", clamp);
+    let vise = Vise::new([50.0, 45.0, 6.0], 3.0).unwrap();
+    vec![
+        ("3-axis", on("3-axis").share(0.95)),
+        ("3+2", on("3+2:50").clampings(Clampings::Flat).at_most(1)),
+        ("4-axis", on("4-axis:x:-30,90")),
+        ("5-axis", on("5-axis:33.3")),
+        ("strokes", file("three-axis")),
+        ("trunnion", file("trunnion-ac")),
+        ("head", file("head-b-table-c")),
+        ("dividing head", file("rotary-table")),
+        ("vise", on("3-axis").vise(vise).table_below(4.0, None)),
+        ("given", on("3-axis").given(vec![Vec3::Z, Vec3::NEG_Z]).fixture_of(1, clamp)),
+    ]
+}
+
+#[test]
+fn setups_are_read_back_equal_and_written_again_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, request) in requests() {
+        let analysis = Analysis::new("slot", slot(), vec![ball(), lollipop()]).n_sites(300);
+        let outcome = analysis.place(&mut ()).unwrap().plan(request, &mut ()).unwrap();
+        let [first, second] = ["first", "second"].map(|which| folder.path().join(name).join(which));
+        let mut files = Files::default();
+        files.report = true;
+        let paths = outcome.write(&first, &files, &mut ()).unwrap();
+        let read = SetupsOutcome::read(&first).unwrap();
+        assert!(read == outcome, "{name}");
+        assert_eq!(
+            (read.premise(), read.setups().json()),
+            (outcome.premise(), outcome.setups().json())
+        );
+        let again = read.write(&second, &files, &mut ()).unwrap();
+        require_same_bytes(name, [paths, again]);
+    }
+    let record = folder.path().join("vise/first/setups.npz");
+    require_every_entry(&record, |folder| SetupsOutcome::read(folder).map(drop));
+    let record = folder.path().join("given/first/setups.npz");
+    require_every_entry(&record, |folder| SetupsOutcome::read(folder).map(drop));
+}
+
+/// Of a record, each array that is left out is named, and so is a file that ends too early.
+fn require_every_entry(record: &Path, read: impl Fn(&Path) -> deepmill::Result<()>) {
+    let (whole, folder) = (std::fs::read(record).unwrap(), record.parent().unwrap());
+    let message = |what: &str| {
+        let error = read(folder).expect_err(what).to_string();
+        assert!(error.contains(&record.display().to_string()), "{what}: {error}");
+        error
+    };
+    for cut in [0, 30, whole.len() / 2, whole.len() - 10] {
+        std::fs::write(record, &whole[..cut]).unwrap();
+        message("cut");
+    }
+    let mut all = ZipArchive::new(Cursor::new(&whole)).unwrap();
+    let names: Vec<String> = all.file_names().map(|name| name.unwrap().into_owned()).collect();
+    for left_out in &names {
+        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+        for k in 0..all.len() {
+            let entry = all.by_index_raw(k).unwrap();
+            if entry.name().unwrap() != *left_out {
+                archive.raw_copy_file(entry).unwrap();
+            }
+        }
+        std::fs::write(record, archive.finish().unwrap().get_ref()).unwrap();
+        match left_out.trim_end_matches(".npy") {
+            // Those of a cloud, and of sites that are at no vertices.
+            "vertices" => assert!(message("the part").contains("without triangles")),
+            "metadata.json" => assert!(message("metadata").contains("format is null")),
+            name => assert!(message(name).contains(name), "{name}: {}", message(name)),
+        }
+    }
+    std::fs::write(record, &whole).unwrap();
+    read(folder).unwrap();
 }
 
 /// Writes the archive again without an array, or with other bytes in it.

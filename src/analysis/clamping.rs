@@ -13,20 +13,22 @@ use crate::geom::Mesh;
 use crate::report::setups::Held;
 use crate::{Error, Result};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use vise::{Grip, Grips};
 
 /// Beside the fixtures of the analysis, which are there in every setup.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Holding {
     pub vise: Option<Vise>,
     pub table: Option<Table>,
-    /// Of the setups with these numbers, from 1.
+    /// Of the setups with these numbers, from 1. Records have them beside.
+    #[serde(skip)]
     pub fixtures: Vec<(usize, Fixture)>,
 }
 
 /// A square across z'.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Table {
     /// How far below the lowest place of the part.
     pub below_mm: f64,

@@ -1,32 +1,35 @@
-//! The record of an outcome: with it the folder is read back whole.
+//! The record of an outcome: with it a folder is read back whole.
 //!
 //! ```text
 //! labels.npz    of each tool: sites, answers, settings
 //! outcome.npz   the rest: request, directions, meshes in f64; of each tool warnings, findings and counts
+//! tools.npz     of `tools`: all of it
+//! setups.npz    of `setups`: all of it
 //! ```
 //!
 //! Texts are JSON in arrays of bytes. Times are left out: the same request gives the same files.
 
-use super::fixtures::{Fixture, KeptOut};
+mod placed;
+mod setups;
+mod tools;
+
+use super::fixtures::KeptOut;
 use super::outcome::{Outcome, ToolOutcome};
-use super::placed::Placed;
 use super::request::Request;
 use crate::access::surface::{SurfaceStats, Warning};
 use crate::access::{Labels, Stats};
-use crate::data::files::settings::Blocking;
 use crate::data::files::{LabelFile, Provenance};
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::directions::Directions;
+use crate::geom::Sites;
 use crate::geom::file_vertices::SiteVertices;
-use crate::geom::selection::Region;
-use crate::geom::{Mesh, Sites};
 use crate::report::findings::Findings;
 use crate::report::folder::{LABELS, OUTCOME};
 use crate::{Error, Result};
-use glam::DVec3;
+use placed::OfPlaced;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -37,12 +40,8 @@ const REMEDY: &str = "label the part again";
 /// What is not about one tool.
 #[derive(Serialize, Deserialize)]
 struct OfAll<'a> {
-    /// Its fixtures have their meshes in arrays.
-    request: Cow<'a, Request>,
-    fixtures: Vec<Cow<'a, str>>,
-    blocking: Blocking,
-    directions: Cow<'a, Directions>,
-    warnings: Cow<'a, [String]>,
+    #[serde(flatten)]
+    placed: OfPlaced<'a>,
     notices: Cow<'a, [String]>,
     kept_out: Cow<'a, Option<KeptOut>>,
     findings: Cow<'a, Option<Findings>>,
@@ -63,28 +62,6 @@ struct OfSurface {
     n_directions: usize,
     finish_mm: f64,
     stats: SurfaceStats,
-}
-
-/// Whatever time the sites took.
-impl PartialEq for Placed {
-    fn eq(&self, other: &Self) -> bool {
-        let Placed {
-            request,
-            blocking,
-            directions,
-            mesh,
-            sites,
-            vertices,
-            region,
-            more,
-            warnings,
-            seconds: _,
-        } = self;
-        (request, blocking, directions, mesh, sites)
-            == (&other.request, &other.blocking, &other.directions, &other.mesh, &other.sites)
-            && (vertices, region, more, warnings)
-                == (&other.vertices, &other.region, &other.more, &other.warnings)
-    }
 }
 
 impl PartialEq for Outcome {
@@ -123,59 +100,23 @@ impl Outcome {
     /// of a tool are those of another run.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = &folder.join(OUTCOME);
-        if !path.exists() {
-            let found = "there is none: nothing was written here, or by an earlier version";
-            let remedy = "label the part again, or read `labels.npz`, with `LabelFile`";
-            return Err(Error::file(path, "file", found, remedy));
-        }
-        let mut npz = NpzReader::open(path)?;
-        let metadata = npz.metadata()?;
-        let bad = |found: String| Error::file(path, "metadata.json", found, REMEDY);
-        if metadata["format"] != FORMAT {
-            return Err(bad(format!("the format is {}, expected {FORMAT}", metadata["format"])));
-        }
-        if metadata["version"].as_u64().is_none_or(|version| version > VERSION) {
-            return Err(bad(format!("the version is {}", metadata["version"])));
-        }
+        let mut npz =
+            open(path, FORMAT, "label the part again, or read `labels.npz`, with `LabelFile`")?;
         let all: OfAll = read_text(path, &mut npz, "outcome")?;
-        let mut request = all.request.into_owned();
-        let fixture = |(k, name): (usize, Cow<str>)| {
-            let mesh = read_mesh(path, &mut npz, &format!("fixture_{k}_"))?;
-            Ok(Fixture::new(name, mesh))
-        };
-        request.fixtures =
-            all.fixtures.into_iter().enumerate().map(fixture).collect::<Result<_>>()?;
-        let mesh = npz.has("vertices").then(|| read_mesh(path, &mut npz, "")).transpose()?;
+        let OfPlaced { request, directions, .. } = &all.placed;
         let Read { answers, sites, vertices, stated } =
-            read_answers((path, &mut npz), folder, &request, &all.directions)?;
-        let is_on = |mesh: &Mesh| {
-            let n = mesh.triangles.len();
-            sites.faces.len() == sites.len() && sites.faces.iter().all(|f| (*f as usize) < n)
-        };
-        if mesh.as_ref().is_some_and(|mesh| !is_on(mesh)) {
-            return Err(of_another_run(&stated[0].0, "faces"));
-        }
-        let region = read_region(path, &mut npz, &sites)?;
-        let more = npz.has("more_points").then(|| read_sites(path, &mut npz)).transpose()?;
+            read_answers((path, &mut npz), folder, request, directions)?;
+        let placed = all.placed.read((path, &mut npz), (sites, vertices))?;
+        let Some(placed) = placed else { return Err(of_another_run(&stated[0].0, "faces")) };
+        let sites = &placed.sites;
         let (findings, kept_out) = (all.findings.into_owned(), all.kept_out.into_owned());
-        let of_others = findings.iter().any(|findings| !is_about(findings, &sites))
+        let of_others = findings.iter().any(|findings| !is_about(findings, sites))
             || kept_out.iter().any(|kept| !keeps_out_of(kept, (answers.len(), sites.len())));
         if of_others {
             return Err(Error::file(path, "outcome", "findings of other sites", REMEDY));
         }
         let outcome = Outcome {
-            placed: Placed {
-                request,
-                blocking: all.blocking,
-                directions: all.directions.into_owned(),
-                mesh,
-                sites,
-                vertices,
-                region,
-                more,
-                warnings: all.warnings.into_owned(),
-                seconds: 0.0,
-            },
+            placed,
             answers,
             of_all: findings,
             kept_out,
@@ -192,16 +133,10 @@ impl Outcome {
 
     /// Writes `outcome.npz`; returns its path.
     pub(super) fn write_record(&self, folder: &Path) -> Result<PathBuf> {
-        let Placed { request, blocking, directions, mesh, region, more, warnings, .. } =
-            &self.placed;
         let path = folder.join(OUTCOME);
         let mut npz = NpzWriter::new();
         let all = OfAll {
-            request: Cow::Borrowed(request),
-            fixtures: request.fixtures.iter().map(|fixture| Cow::from(&*fixture.name)).collect(),
-            blocking: *blocking,
-            directions: Cow::Borrowed(directions),
-            warnings: Cow::Borrowed(warnings),
+            placed: OfPlaced::of(&self.placed),
             notices: Cow::Borrowed(&self.notices),
             kept_out: Cow::Borrowed(&self.kept_out),
             findings: Cow::Borrowed(&self.of_all),
@@ -214,29 +149,9 @@ impl Outcome {
                 npz.array(&format!("tool_{k}_further_beta"), &[further.len()], further);
             }
         }
-        if let Some(mesh) = mesh {
-            add_mesh(&mut npz, "", mesh);
-        }
-        for (k, fixture) in request.fixtures.iter().enumerate() {
-            add_mesh(&mut npz, &format!("fixture_{k}_"), &fixture.mesh);
-        }
-        if let Some((region, on_region)) = region {
-            add_mesh(&mut npz, "region_", &region.mesh);
-            npz.array("region_faces", &[region.faces.len()], &region.faces);
-            npz.array("region_site_faces", &[on_region.faces.len()], &on_region.faces);
-        }
-        if let Some(more) = more {
-            npz.vectors("more_points", &more.points).vectors("more_normals", &more.normals);
-            npz.array("more_faces", &[more.faces.len()], &more.faces);
-        }
-        npz.metadata(&json!({
-            "format": FORMAT,
-            "version": VERSION,
-            "program": Provenance::PROGRAM,
-            "unit": "mm",
-            "part": request.part,
-            "meaning": "what labels.npz of each tool does not hold; texts are JSON",
-        }));
+        placed::add(&mut npz, &self.placed);
+        let meaning = "what labels.npz of each tool does not hold; texts are JSON";
+        npz.metadata(&metadata(FORMAT, self.part(), meaning));
         npz.write(&path)?;
         Ok(path)
     }
@@ -350,6 +265,36 @@ fn is_about(findings: &Findings, sites: &Sites) -> bool {
     of_site.len() == sites.len() && all.all(|finding| (finding.site as usize) < sites.len())
 }
 
+/// The metadata of a record.
+fn metadata(format: &str, part: &str, meaning: &str) -> Value {
+    json!({
+        "format": format,
+        "version": VERSION,
+        "program": Provenance::PROGRAM,
+        "unit": "mm",
+        "part": part,
+        "meaning": meaning,
+    })
+}
+
+/// Opens a record of a format, of this version or an earlier one; `remedy` is what to do without it.
+fn open(path: &Path, format: &str, remedy: &str) -> Result<NpzReader> {
+    if !path.exists() {
+        let found = "there is none: nothing was written here, or by an earlier version";
+        return Err(Error::file(path, "file", found, remedy));
+    }
+    let mut npz = NpzReader::open(path)?;
+    let metadata = npz.metadata()?;
+    let bad = |found: String| Error::file(path, "metadata.json", found, REMEDY);
+    if metadata["format"] != format {
+        return Err(bad(format!("the format is {}, expected {format}", metadata["format"])));
+    }
+    if metadata["version"].as_u64().is_none_or(|version| version > VERSION) {
+        return Err(bad(format!("the version is {}", metadata["version"])));
+    }
+    Ok(npz)
+}
+
 fn of_another_run(path: &Path, at: &str) -> Error {
     let found = format!("it is of another run than {OUTCOME}");
     Error::file(path, at, found, REMEDY)
@@ -364,55 +309,4 @@ fn add_text(path: &Path, npz: &mut NpzWriter, name: &str, value: &impl Serialize
 fn read_text<T: DeserializeOwned>(path: &Path, npz: &mut NpzReader, name: &str) -> Result<T> {
     let text = npz.counts::<u8>(name)?;
     serde_json::from_slice(&text).map_err(|e| Error::file(path, name, e.to_string(), REMEDY))
-}
-
-fn add_mesh(npz: &mut NpzWriter, prefix: &str, mesh: &Mesh) {
-    let flat: Vec<f64> = mesh.vertices.iter().flat_map(|v| v.to_array()).collect();
-    npz.array(&format!("{prefix}vertices"), &[mesh.vertices.len(), 3], &flat);
-    npz.array(
-        &format!("{prefix}triangles"),
-        &[mesh.triangles.len(), 3],
-        mesh.triangles.as_flattened(),
-    );
-}
-
-fn read_mesh(path: &Path, npz: &mut NpzReader, prefix: &str) -> Result<Mesh> {
-    let (vertices, triangles) = (format!("{prefix}vertices"), format!("{prefix}triangles"));
-    let flat = npz.f64s(&vertices, 3)?;
-    let corners = npz.count_rows::<u32>(&triangles, 3)?;
-    let (places, _) = flat.as_chunks::<3>();
-    let (faces, _) = corners.as_chunks::<3>();
-    let mesh = Mesh {
-        vertices: places.iter().map(|p| DVec3::from_array(*p)).collect(),
-        triangles: faces.to_vec(),
-    };
-    let named = |e: Error| Error::file(path, &*triangles, e.to_string(), REMEDY);
-    mesh.check().map_err(named)?;
-    Ok(mesh)
-}
-
-/// The region with the sites on it.
-fn read_region(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Option<(Region, Sites)>> {
-    if !npz.has("region_faces") {
-        return Ok(None);
-    }
-    let mesh = read_mesh(path, npz, "region_")?;
-    let (faces, of_sites) = (npz.counts("region_faces")?, npz.counts("region_site_faces")?);
-    let region = Region::whole(mesh, faces)
-        .ok_or_else(|| Error::file(path, "region_faces", "not one per triangle", REMEDY))?;
-    let on_region = Sites { faces: of_sites, ..sites.clone() };
-    let is_on = |f: &u32| (*f as usize) < region.faces.len();
-    if !on_region.faces.iter().all(is_on) || region.on_part(&on_region) != *sites {
-        let found = "other faces than those of the sites";
-        return Err(Error::file(path, "region_site_faces", found, REMEDY));
-    }
-    Ok(Some((region, on_region)))
-}
-
-fn read_sites(path: &Path, npz: &mut NpzReader) -> Result<Sites> {
-    let (points, normals) = (npz.vectors("more_points")?, npz.vectors("more_normals")?);
-    let more = Sites { points, normals, faces: npz.counts("more_faces")? };
-    let named = |e: Error| Error::file(path, "more_points", e.to_string(), REMEDY);
-    more.check().map_err(named)?;
-    Ok(more)
 }

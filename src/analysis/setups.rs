@@ -17,7 +17,8 @@ use crate::report::findings::{Findings, add_fixtures};
 use crate::report::gate::SiteAreas;
 use crate::report::page::{LivePage, Page};
 use crate::report::setups::{Held, Setups};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -45,7 +46,7 @@ pub(super) const ALL_SETUPS: &str = "setups";
 /// assert_eq!(plan.setups().plan().setups.len(), 2);
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SetupRequest {
     machine: Machine,
     clampings: Option<Clampings>,
@@ -53,7 +54,7 @@ pub struct SetupRequest {
     share: f64,
     at_most: Option<usize>,
     given: Vec<Vec3>,
-    holding: Holding,
+    pub(super) holding: Holding,
 }
 
 impl SetupRequest {
@@ -133,6 +134,28 @@ impl SetupRequest {
         })
     }
 
+    /// The machine.
+    pub(super) fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// What to choose from, and what holds the part in each, if anything does.
+    pub(super) fn held(
+        &self,
+        part: &Mesh,
+        fixtures: &[Fixture],
+        (sites, n_tools): (&Sites, usize),
+    ) -> Result<(Candidates, Vec<Clamping>)> {
+        let candidates = self.candidates(part)?;
+        if self.holding.is_none(fixtures) {
+            return Ok((candidates, Vec::new()));
+        }
+        let given = !self.given.is_empty();
+        let list = self.holding.clampings(part, &candidates, fixtures, given)?.list;
+        let numbers: Vec<usize> = list.iter().map(|clamping| clamping.candidate).collect();
+        Ok((candidates.clamped(&numbers, sites, n_tools)?, list))
+    }
+
     fn candidates(&self, part: &Mesh) -> Result<Candidates> {
         let SetupRequest { machine, n_directions, .. } = self;
         let clampings = self.clampings_or_usual();
@@ -156,13 +179,13 @@ impl SetupRequest {
 #[derive(Debug)]
 pub struct SetupsOutcome {
     pub(super) placed: Placed,
-    request: SetupRequest,
-    candidates: Candidates,
-    setups: Setups,
+    pub(super) request: SetupRequest,
+    pub(super) candidates: Candidates,
+    pub(super) setups: Setups,
     pub(super) findings: Findings,
-    n_rests: usize,
-    notices: Vec<String>,
-    seconds: [f64; 4],
+    pub(super) n_rests: usize,
+    pub(super) notices: Vec<String>,
+    pub(super) seconds: [f64; 4],
 }
 
 impl Placed {
@@ -398,6 +421,7 @@ impl SetupsOutcome {
             paths.push(self.with_page(unit, |page| page.write(folder))?);
         }
         paths.extend(self.placed.write_surfaces(folder)?);
+        paths.push(self.write_record(folder)?);
         report(observer, Stage::Writing, (1, 1))?;
         Ok(paths)
     }
@@ -425,10 +449,13 @@ impl SetupsOutcome {
         let tolerances = analysis.part_settings();
         let percent = (1e10 * self.request.share).round() / 1e8;
         let held = self.held_words();
-        let not_modelled = match &*held {
-            "" => "fixtures, table, stock, travel of the machine's axes",
-            _ => "stock, travel of the machine's axes",
-        };
+        let strokes = self.request.machine.axes().map(|axes| axes.strokes_mm());
+        let not_modelled = [
+            ("fixtures, table", held.is_empty()),
+            ("stock", true),
+            ("strokes of the machine's axes", strokes.is_none_or(|mm| mm == DVec3::INFINITY)),
+        ];
+        let not_modelled = not_modelled.iter().filter(|(_, is_it)| *is_it).map(|(words, _)| *words);
         let mut settings = json!({
             "machine": self.request.machine.to_string(),
             "share": format!("{percent}%"),
@@ -436,7 +463,7 @@ impl SetupsOutcome {
             "tool_axes_tested": self.candidates.n_tool_axes(),
             "candidates": self.candidates.list().len(),
             "sites": analysis.site_settings(),
-            "not_modelled": not_modelled,
+            "not_modelled": not_modelled.collect::<Vec<&str>>().join(", "),
             "tolerance_mm": tolerances.tolerance_mm,
             "finish_mm": tolerances.finish_mm,
         });

@@ -21,12 +21,12 @@ use std::time::Instant;
 /// What the tools reach, which few of them reach nearly all, and how little each may stick out.
 #[derive(Debug)]
 pub struct ToolsOutcome {
-    placed: Placed,
-    library: Library,
-    rests: Vec<usize>,
-    warnings: Vec<String>,
-    notices: Vec<String>,
-    seconds: [f64; 4],
+    pub(super) placed: Placed,
+    pub(super) library: Library,
+    pub(super) rests: Vec<usize>,
+    pub(super) warnings: Vec<String>,
+    pub(super) notices: Vec<String>,
+    pub(super) seconds: [f64; 4],
 }
 
 impl Placed {
@@ -140,6 +140,7 @@ impl ToolsOutcome {
         let view = PartView { name: &self.placed.request.part, mesh, sites, cutter, outlines };
         paths.extend(self.coverage().write_first(folder, view, files.show())?);
         paths.extend(self.placed.write_surfaces(folder)?);
+        paths.push(self.write_record(folder)?);
         report(observer, Stage::Writing, (1, 1))?;
         Ok(paths)
     }

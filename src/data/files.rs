@@ -9,7 +9,7 @@ pub mod machines;
 #[doc(hidden)] // of the program
 pub mod matrix;
 mod meaning;
-mod poses;
+pub(crate) mod poses;
 mod predictions;
 #[doc(hidden)] // of the program
 pub mod published;
@@ -18,7 +18,7 @@ pub mod safety;
 #[doc(hidden)] // of the program
 pub mod settings;
 pub mod tools;
-mod vertices;
+pub(crate) mod vertices;
 #[doc(hidden)] // of the program
 pub mod volume;
 

@@ -13,7 +13,7 @@ use crate::{Error, Result, atomic_file};
 use std::path::{Path, PathBuf};
 
 /// What each tool of a library reaches.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Library {
     tools: Vec<Tool>,
     reach: Vec<ToolReach>,
@@ -86,6 +86,12 @@ impl Library {
     /// What each of them reaches.
     pub fn reach(&self) -> &[ToolReach] {
         &self.reach
+    }
+
+    /// The share of the area that it is stated for.
+    #[cfg(feature = "generate")] // of `analysis`
+    pub(crate) fn share(&self) -> f64 {
+        self.share
     }
 
     /// What each site stands for.

@@ -24,7 +24,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Chosen setups of a part, with what names them.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Setups {
     plan: Plan,
     machine: Machine,
@@ -78,6 +78,12 @@ impl Setups {
         Setups { held, ..self }
     }
 
+    /// What holds the part in each setup, or nothing.
+    #[cfg(feature = "generate")] // of `analysis`
+    pub(crate) fn holders(&self) -> &[Held] {
+        &self.held
+    }
+
     /// The chosen setups.
     pub fn plan(&self) -> &Plan {
         &self.plan
@@ -115,8 +121,7 @@ impl Setups {
 
     /// Share of the surface that a setup does not reach for the strokes of the machine alone.
     fn beyond_strokes(&self, setup: &Setup) -> f64 {
-        let beyond = setup.beyond_strokes();
-        self.areas.share(|i| beyond.get(i) == Some(&true))
+        self.areas.share(|i| setup.beyond_strokes.get(i) == Some(&true))
     }
 
     /// What the strokes of the machine leave out, a sentence per setup.

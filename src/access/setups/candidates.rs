@@ -9,10 +9,11 @@ use crate::directions::{DirectionSet, Directions, TurnLimits};
 use crate::geom::Mesh;
 use crate::{Error, Result, memory};
 use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Which clampings there are to choose from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Clampings {
     /// Standing on a flat face: at the lowest place in that position there are flat faces of at least a hundredth of

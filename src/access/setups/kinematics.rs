@@ -8,7 +8,11 @@
 //! Back: `w = R(k₂, θ₂) z` has `w·k₂ = z·k₂` and `w·k₁ = t·k₁`, so `w = a k₁ + b k₂ ± g k₁×k₂` (Paden and Kahan's
 //! second subproblem). Each sign with a real `g` gives θ₂ from z to `w` about `k₂` and θ₁ from `w` to `t` about `k₁`.
 
+mod stated;
+
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use stated::Stated;
 use std::fmt;
 
 /// What a rotary axis turns.
@@ -49,7 +53,8 @@ impl RotaryParams {
 }
 
 /// A checked machine: at most two rotary axes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(into = "Stated", try_from = "Stated")]
 pub struct Kinematics {
     name: String,
     axes: Vec<RotaryAxis>,

@@ -5,6 +5,7 @@ use crate::directions::TurnLimits;
 use crate::directions::rotary::axis_of;
 use crate::{Error, Result};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::fmt;
 use std::str::FromStr;
@@ -18,7 +19,7 @@ use std::str::FromStr;
 /// assert!("3+2".parse::<Machine>().is_err(), "the greatest tilt is never guessed");
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Machine {
     /// The spindle is along z'.

@@ -107,20 +107,15 @@ pub struct Setup {
     /// Every tool axis of the setup.
     pub axes: Vec<Vec3>,
     candidate: usize,
+    /// Per site, whether it is not reached for the strokes of the machine alone. Empty if none is.
     #[serde(default)]
-    beyond_strokes: Vec<bool>,
+    pub(crate) beyond_strokes: Vec<bool>,
 }
 
 impl Setup {
     /// Its number among the candidates.
     pub fn candidate(&self) -> usize {
         self.candidate
-    }
-
-    /// Per site, whether it is not reached for the strokes of the machine alone. Empty if none is.
-    #[cfg(all(feature = "formats", feature = "generate"))]
-    pub(crate) fn beyond_strokes(&self) -> &[bool] {
-        &self.beyond_strokes
     }
 }
 

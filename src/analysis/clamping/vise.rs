@@ -6,6 +6,7 @@ use crate::geom::Mesh;
 use crate::geom::solids::cuboid;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3, Vec3, dvec3};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Two jaws and the bed between them, on which the part lies, or above which parallels hold it.
@@ -17,7 +18,8 @@ use std::fmt;
 /// assert!(Vise::new([100.0, -60.0, 15.0], 0.0).is_err());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(into = "[f64; 4]", try_from = "[f64; 4]")]
 pub struct Vise {
     jaw_mm: f64,
     opening_mm: f64,
@@ -55,6 +57,20 @@ pub(super) struct Grips {
     pub list: Vec<Grip>,
     /// The least opening among faces that are too far apart.
     pub too_wide_mm: Option<f64>,
+}
+
+impl From<Vise> for [f64; 4] {
+    fn from(Vise { jaw_mm, opening_mm, height_mm, parallels_mm }: Vise) -> Self {
+        [jaw_mm, opening_mm, height_mm, parallels_mm]
+    }
+}
+
+impl TryFrom<[f64; 4]> for Vise {
+    type Error = Error;
+
+    fn try_from([jaw_mm, opening_mm, height_mm, parallels_mm]: [f64; 4]) -> Result<Self> {
+        Vise::new([jaw_mm, opening_mm, height_mm], parallels_mm)
+    }
 }
 
 impl Vise {

@@ -147,7 +147,8 @@ impl Args {
         let blocking = part_itself::blocking(self.obstacles.as_deref(), is_mesh, output)?;
         let options = self
             .surface
-            .options(self.share_of_occlusion())?
+            .options()?
+            .with_share(self.share_of_occlusion())
             .with_clearance_limit_mm(self.clearance_limit)
             .with_occlusion(self.wants_occlusion(limits));
         let published = self

@@ -82,7 +82,7 @@ impl Args {
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
     let tools = args.surface.tolerances.with_allowance(args.tools.tools(output)?)?;
-    let options = args.surface.options(1.0)?;
+    let options = args.surface.options()?;
     let directions = args.directions.directions()?;
     let machine = args.machine.as_ref().map(MachineOrFile::machine).transpose()?;
     let setups = machine.clone().map(|machine| args.setups_on(machine)).transpose()?;

@@ -60,7 +60,9 @@ impl ToleranceArgs {
         let tolerance =
             self.tolerance.map_or(ContactTolerance::Tessellation, ContactTolerance::Millimeters);
         let finish_mm = self.finish;
-        let options = SurfaceOptions::default().with_tolerance(tolerance).with_finish_mm(finish_mm);
+        // Only labels may have occlusion points.
+        let options = SurfaceOptions::default().with_occlusion(false);
+        let options = options.with_tolerance(tolerance).with_finish_mm(finish_mm);
         options.check().map(|()| options).map_err(|error| called(error, "--finish"))
     }
 
@@ -138,16 +140,12 @@ impl SurfaceArgs {
     }
 
     /// The options that these arguments make.
-    pub fn options(&self, share: f64) -> Result<SurfaceOptions> {
+    pub fn options(&self) -> Result<SurfaceOptions> {
         let search = match self.prove {
             true => RefinementOptions::proving(),
             false => RefinementOptions::default().with_n_kept(self.search),
         };
-        Ok(self
-            .tolerances
-            .options()?
-            .with_share(share)
-            .with_refinement((self.search > 0).then_some(search)))
+        Ok(self.tolerances.options()?.with_refinement((self.search > 0).then_some(search)))
     }
 
     /// Whether the directions between those tested are searched.

@@ -179,7 +179,8 @@ impl Args {
     ) -> Result<SetupsOutcome> {
         warn_wide_tools(&mesh, &tools, output);
         let analysis = Analysis::new(name_of(&self.part), mesh, tools);
-        let analysis = analysis.options(self.tolerances.options()?);
+        let analysis =
+            analysis.library(self.tools.are_of_files()).options(self.tolerances.options()?);
         let (analysis, request) = self.holding.add_to(analysis, request, &self.read, output)?;
         let placed = self.region.place(analysis, &self.sites, &self.read, output)?;
         let (surface, sites) = placed.shown();

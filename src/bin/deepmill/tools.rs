@@ -81,7 +81,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         return Ok(());
     };
     let directions = args.directions.directions()?;
-    args.surface.options(1.0)?;
+    args.surface.options()?;
     args.out.check()?;
     let mut clock = Clock::start();
     let mesh = args.read.read_bodies(part, args.force, output)?;
@@ -125,7 +125,8 @@ impl Args {
         let tools = self.surface.tolerances.with_allowance(tools)?;
         warn_wide_tools(&mesh, &tools, output);
         let analysis = Analysis::new(name_of(part), mesh, tools)
-            .options(self.surface.options(1.0)?)
+            .library(true)
+            .options(self.surface.options()?)
             .directions(self.directions.directions()?);
         let analysis = self.surface.add_to(analysis, &self.read, output)?;
         let placed = self.region.place(analysis, &self.sites, &self.read, output)?;

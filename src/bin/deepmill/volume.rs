@@ -25,7 +25,7 @@ pub fn run(
     let premise = premise(&directions, &args.surface);
     let mut analysis = Analysis::new(name_of(&args.part), part, tools)
         .origin(args.read.origin())
-        .options(args.surface.options(1.0)?)
+        .options(args.surface.options()?)
         .proving(args.surface.proves())
         .directions(directions);
     analysis = args.surface.add_to(analysis, &args.read, output)?;

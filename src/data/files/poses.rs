@@ -15,7 +15,7 @@ pub(super) const REST: [&str; 2] = ["rest_direction", "rest_tip"];
 const REMEDY: &str = "label the part again";
 
 /// Adds poses.
-pub(super) fn add(
+pub(crate) fn add(
     npz: &mut NpzWriter,
     [directions, tips]: [&str; 2],
     poses: &[Option<WitnessPose>],
@@ -67,7 +67,7 @@ pub(super) fn unit_or_none(
 }
 
 /// Poses by the names of their arrays; none from a file of before there were poses.
-pub(super) fn read_poses(
+pub(crate) fn read_poses(
     path: &Path,
     npz: &mut NpzReader,
     sites: &Sites,

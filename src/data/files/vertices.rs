@@ -12,7 +12,7 @@ const VERTEX_INDEX: &str = "vertex_index";
 const SITE_OF_VERTEX: &str = "site_of_vertex";
 
 /// Adds them and what they mean, if there are any, for `n` sites.
-pub(super) fn add(
+pub(crate) fn add(
     path: &Path,
     npz: &mut NpzWriter,
     vertices: Option<&SiteVertices>,
@@ -37,7 +37,7 @@ pub(super) fn add(
 }
 
 /// Reads them, if the archive has them.
-pub(super) fn read(
+pub(crate) fn read(
     path: &Path,
     npz: &mut NpzReader,
     sites: &Sites,
