@@ -7,8 +7,8 @@ use command::{Folder, block, deepmill, stl};
 use deepmill::Error;
 use deepmill::access::LabelOptions;
 use deepmill::analysis::{
-    Analysis, Files, Fixture, Outcome, PredictRequest, Progress, SetupRequest, SetupsOutcome,
-    Stage, ToolsOutcome,
+    Analysis, Files, Fixture, Outcome, PredictRequest, PredictionsOutcome, Progress, SetupRequest,
+    SetupsOutcome, Stage, ToolsOutcome, VolumeOutcome,
 };
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
@@ -172,6 +172,11 @@ fn tools_setups_volumes_and_predictions_of_a_program_are_those_of_the_commands()
         let analysis = of(vec![flat("3,20,20,20")]).table(-1.0);
         analysis.volume(4.0, &mut ()).unwrap().write(to, files).unwrap()
     });
+    let [first, second] = ["volume-1", "volume-2"].map(|name| folder.path(name));
+    let read = VolumeOutcome::read(first.as_ref()).unwrap();
+    assert!(read == VolumeOutcome::read(second.as_ref()).unwrap());
+    let analysis = of(vec![flat("3,20,20,20")]).table(-1.0);
+    assert!(read == analysis.volume(4.0, &mut ()).unwrap());
 }
 
 #[test]
@@ -191,7 +196,10 @@ fn predictions_of_a_program_are_those_of_the_command() {
             let predictor = Predictor::new(Model::shipped().unwrap()).allow_out_of_domain();
             let request = PredictRequest::new(predictor, "the network that comes with deepmill");
             let request = if verified { request.verify(0.05) } else { request };
-            placed.predict(&request, &mut ()).unwrap().write(to, files, &mut ()).unwrap()
+            let outcome = placed.predict(&request, &mut ()).unwrap();
+            let paths = outcome.write(to, files, &mut ()).unwrap();
+            assert!(PredictionsOutcome::read(to).unwrap() == outcome, "verified: {verified}");
+            paths
         });
     }
 }

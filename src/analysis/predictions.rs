@@ -125,10 +125,10 @@ pub struct ToolPrediction {
 /// The predictions about every tool that the network knows.
 #[derive(Debug)]
 pub struct PredictionsOutcome {
-    placed: Placed,
-    predictions: Vec<ToolPrediction>,
-    warnings: Vec<String>,
-    seconds: [f64; 3],
+    pub(super) placed: Placed,
+    pub(super) predictions: Vec<ToolPrediction>,
+    pub(super) warnings: Vec<String>,
+    pub(super) seconds: [f64; 3],
 }
 
 impl Placed {
@@ -316,6 +316,7 @@ impl PredictionsOutcome {
             let page = Page { part, mesh, sites, views, unit, outlines: &[] };
             paths.push(page.write(folder)?);
         }
+        paths.push(self.write_record(folder)?);
         Ok(paths)
     }
 

@@ -3,6 +3,7 @@
 //! ```text
 //! labels.npz    of each tool: sites, answers, settings
 //! outcome.npz   the rest: request, directions, meshes in f64; of each tool warnings, findings and counts
+//! predicted.npz of `predict`: likewise, beside predictions.npz of each tool
 //! tools.npz     of `tools`: all of it
 //! setups.npz    of `setups`: all of it
 //! ```
@@ -10,6 +11,7 @@
 //! Texts are JSON in arrays of bytes. Times are left out: the same request gives the same files.
 
 mod placed;
+mod predictions;
 mod setups;
 mod tools;
 

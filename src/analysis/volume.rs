@@ -9,7 +9,7 @@ use crate::access::Queries;
 use crate::access::surface::{SurfaceOptions, TriangleObstacles};
 use crate::answers::Definition;
 use crate::data::files::settings::{Blocking, ToolSettings};
-use crate::data::files::volume::VolumeFile;
+use crate::data::files::volume::{PointAnswer, Said, VolumeFile};
 use crate::data::files::{AnalysisSettings, Provenance};
 use crate::geom::Mesh;
 use crate::geom::formats::MeshOrCloud;
@@ -21,14 +21,20 @@ use std::mem;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The answers about the points of a lattice.
+/// Its file.
+const VOLUME: &str = "volume.npz";
+
+/// The answers about the points of a lattice. Two are equal whatever [`VolumeOutcome::seconds`] they took.
 #[derive(Debug)]
 pub struct VolumeOutcome {
     file: VolumeFile,
-    n_points: usize,
-    warnings: Vec<String>,
-    notices: Vec<String>,
     seconds: [f64; 2],
+}
+
+impl PartialEq for VolumeOutcome {
+    fn eq(&self, other: &Self) -> bool {
+        self.file == other.file
+    }
 }
 
 impl Analysis {
@@ -85,13 +91,9 @@ impl Analysis {
         };
         let (part, words) = (request.part, tool.words());
         let provenance = Provenance { part, cutter: tool.params, tool: words, settings };
-        Ok(VolumeOutcome {
-            file: VolumeFile::new(provenance, lattice, &inside, &labels)?,
-            n_points: points.len(),
-            warnings,
-            notices: without_area(&obstacles).into_iter().collect(),
-            seconds: [points_s, start.elapsed().as_secs_f64()],
-        })
+        let mut file = VolumeFile::new(provenance, lattice, &inside, &labels)?;
+        file.said = Said { warnings, notices: without_area(&obstacles).into_iter().collect() };
+        Ok(VolumeOutcome { file, seconds: [points_s, start.elapsed().as_secs_f64()] })
     }
 }
 
@@ -101,19 +103,28 @@ impl VolumeOutcome {
         &self.file
     }
 
+    /// Reads what [`VolumeOutcome::write`] has written: an equal outcome, but for [`VolumeOutcome::seconds`], which no
+    /// file has.
+    ///
+    /// # Errors
+    /// As [`VolumeFile::read`].
+    pub fn read(folder: &Path) -> Result<Self> {
+        Ok(VolumeOutcome { file: VolumeFile::read(&folder.join(VOLUME))?, seconds: [0.0; 2] })
+    }
+
     /// Points outside the part.
     pub fn n_points(&self) -> usize {
-        self.n_points
+        self.file.answers.iter().filter(|answer| **answer != PointAnswer::Inside).count()
     }
 
     /// What is wrong with fixtures and table, a sentence each.
     pub fn warnings(&self) -> &[String] {
-        &self.warnings
+        &self.file.said.warnings
     }
 
     /// What was left out, a sentence each.
     pub fn notices(&self) -> &[String] {
-        &self.notices
+        &self.file.said.notices
     }
 
     /// Seconds that points and labels took.
@@ -126,7 +137,7 @@ impl VolumeOutcome {
     /// # Errors
     /// If the system refuses a file.
     pub fn write(&self, folder: &Path, files: &Files) -> Result<Vec<PathBuf>> {
-        let mut paths = vec![folder.join("volume.npz")];
+        let mut paths = vec![folder.join(VOLUME)];
         self.file.write(&paths[0])?;
         if files.pictures {
             let path = folder.join("volume.png");

@@ -103,6 +103,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     clock.lap("read_s", "reading");
     let analysis = Analysis::new(name_of(&args.part), part, tools)
         .folders(args.tools.are_several())
+        .library(args.tools.are_of_files())
         .origin(args.read.origin())
         .directions(directions);
     let placed = args.sites.add_to(analysis)?.place(&mut Bars::default())?;

@@ -7,6 +7,7 @@ use crate::access::surface::{SiteAnswer, SurfaceLabels};
 use crate::geom::inside::Lattice;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -66,7 +67,21 @@ pub struct VolumeFile {
     pub accessible_directions: Vec<u32>,
     /// A direction in which the tip can be there.
     pub witness: Vec<Option<Vec3>>,
+    /// What was said while it was computed.
+    pub(crate) said: Said,
 }
+
+/// Sentences about a volume.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Said {
+    /// What is wrong with fixtures and table.
+    pub warnings: Vec<String>,
+    /// What was left out.
+    pub notices: Vec<String>,
+}
+
+/// Its array, JSON, if there is a sentence.
+const SAID: &str = "said";
 
 impl VolumeFile {
     const FORMAT: &str = "deepmill volume labels";
@@ -101,6 +116,7 @@ impl VolumeFile {
             collision_free_directions: vec![0; inside.len()],
             accessible_directions: vec![0; inside.len()],
             witness: vec![None; inside.len()],
+            said: Said::default(),
         };
         for (k, n) in (0..inside.len()).filter(|&n| !inside[n]).enumerate() {
             file.answers[n] = labels.answers[k].into();
@@ -138,6 +154,10 @@ impl VolumeFile {
             .array("accessible_directions", &n, &self.accessible_directions)
             .array("witness_direction", &[n[0], 3], &witness.collect::<Vec<f32>>())
             .metadata(&self.provenance.metadata(Self::FORMAT, meaning()));
+        if self.said != Said::default() {
+            let text = serde_json::to_vec(&self.said).map_err(|e| Error::write(path, e.into()))?;
+            npz.array(SAID, &[text.len()], &text);
+        }
         npz.write(path)
     }
 
@@ -163,7 +183,13 @@ impl VolumeFile {
             let answer = PointAnswer::ALL.get(usize::from(number)).copied();
             answer.ok_or_else(|| bad("answer", format!("the number {number}")))
         });
+        let mut said = Said::default();
+        if npz.has(SAID) {
+            let text = npz.counts::<u8>(SAID)?;
+            said = serde_json::from_slice(&text).map_err(|e| bad(SAID, e.to_string()))?;
+        }
         let file = VolumeFile {
+            said,
             answers: answers.collect::<Result<_>>()?,
             collision_free_directions: npz.counts("collision_free_directions")?,
             accessible_directions: npz.counts("accessible_directions")?,
