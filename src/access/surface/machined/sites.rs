@@ -20,7 +20,7 @@ use crate::{Result, memory, par};
 use glam::{DVec2, DVec3};
 
 /// Directions of a site from which poses are searched.
-const N_POSES: usize = 3;
+const N_POSES: usize = 6;
 /// Pixels along the part's longest side by default, and along the tool's radius at most and at least.
 const ACROSS_PART: f64 = 400.0;
 const ACROSS_TOOL: [f64; 2] = [64.0, 4.0];
