@@ -129,7 +129,7 @@ fn unknown_layers_and_limits_fail_with_code_2() {
     let out = folder.path("out");
     let message = failure(&deepmill(&["gradcheck", "--layer", "linaer", "--out", &out]), 2);
     assert!(message.contains("--layer is linaer") && message.contains("linear, "), "{message}");
-    for limit in ["-1", "NaN"] {
+    for limit in ["-1", "NaN", "inf"] {
         let message = failure(&deepmill(&["gradcheck", "--limit", limit, "--out", &out]), 2);
         assert!(message.contains("--limit"), "{message}");
     }

@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 
 const FORMAT: &str = "deepmill outcome";
 const VERSION: u64 = 1;
-const REMEDY: &str = "label the part again";
+const REMEDY: &str = "run the command again that wrote the folder";
 
 /// What is not about one tool.
 #[derive(Serialize, Deserialize)]

@@ -29,8 +29,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    if args.limit.is_nan() || args.limit < 0.0 {
-        return Err(Error::argument("--limit", args.limit, "0 or more", "leave it out"));
+    if !(args.limit >= 0.0 && args.limit.is_finite()) {
+        return Err(Error::argument("--limit", args.limit, "0 or more, finite", "leave it out"));
     }
     let cases = chosen(Suite::default().cases()?, &args.layer)?;
     args.out.iter().try_for_each(|folder| atomic_file::check_writable_folder(folder))?;

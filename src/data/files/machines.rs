@@ -1,4 +1,5 @@
-//! Machines as files: strokes, and rotary axes in the order from the part to the tool, as TOML, or as FreeCAD keeps them.
+//! Machines as files: strokes, and rotary axes in the order from the part to the tool, as TOML, or as FreeCAD keeps
+//! them.
 
 mod freecad;
 
