@@ -211,6 +211,16 @@ fn files_tabs_and_tools_of_every_setup_are_written_the_same_for_any_number_of_th
         let other = file.replacen(&one, &two, 1);
         assert!(std::fs::read(file).unwrap() == std::fs::read(other).unwrap(), "{file} differs");
     }
+    // Drawn again from the folder alone.
+    let three = folder.path("three");
+    let report = ["report", &two, "--out", &three, "--json"];
+    assert_eq!(json(&deepmill(&report))["findings"], result["findings"]);
+    for file in &files {
+        let other = file.replacen(&one, &three, 1);
+        assert!(std::fs::read(file).unwrap() == std::fs::read(other).unwrap(), "{file} differs");
+    }
+    let message = failure(&deepmill(&[&report[..], &["--part", &part]].concat()), 2);
+    assert!(message.contains("the folder of setups holds the part"), "{message}");
     let tools = result["setups"][0]["tools"].as_array().unwrap();
     assert_eq!((&tools[0]["tool"], &tools[1]["tool"]), (&"D12".into(), &"D3".into()));
     assert!(number(&tools[0], "reached") < number(&tools[1], "reached"));

@@ -25,6 +25,10 @@ pub use crate::data::files::label_query::{FIXTURES, SURFACE};
 /// What of an outcome is not about one tool's answers, beside [`LABELS`].
 pub const OUTCOME: &str = "outcome.npz";
 
+/// All that `setups` has computed.
+#[doc(hidden)] // of the program
+pub const SETUPS: &str = "setups.npz";
+
 /// The surface of a region of interest, mm, beside [`SURFACE`].
 pub const REGION: &str = "region.stl";
 

@@ -9,6 +9,7 @@ use crate::analysis::{SetupRequest, SetupsOutcome};
 use crate::data::files::vertices;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::report::findings::Findings;
+use crate::report::folder::SETUPS;
 use crate::report::gate::SiteAreas;
 use crate::report::setups::{Held, Setups};
 use crate::{Error, Result};
@@ -18,7 +19,6 @@ use std::borrow::Cow;
 use std::mem;
 use std::path::{Path, PathBuf};
 
-const SETUPS: &str = "setups.npz";
 const FORMAT: &str = "deepmill setups";
 
 /// What is no array.

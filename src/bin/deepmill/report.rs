@@ -5,7 +5,9 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::progress;
 use crate::status;
-use deepmill::analysis::{Read, advise_again, findings_of_tools, take_region};
+use deepmill::analysis::{
+    Files, Read, SetupsOutcome, advise_again, findings_of_tools, take_region,
+};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::require_surface;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
@@ -17,7 +19,7 @@ use deepmill::report::Scene;
 use deepmill::report::coverage::{self, Shares};
 use deepmill::report::findings::{Findings, for_all_tools};
 use deepmill::report::folder::{
-    self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, REGION, SURFACE, Show,
+    self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, REGION, SETUPS, SURFACE, Show,
 };
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::outlines::outlines;
@@ -32,11 +34,11 @@ use std::path::{Path, PathBuf};
 /// Draw the pictures of labels and predictions again, compare them, print the tables, and write report.html, an HTML
 /// report: 3-D view with sections, findings, settings, warnings.
 ///
-/// Of a folder of several tools only the page is written, with a tab for each.
+/// Of a folder of several tools only the page is written, with a tab for each; of a folder of `setups` everything is.
 #[derive(clap::Args)]
 #[command(after_help = "Example: deepmill report labels --compare predictions/predictions.npz")]
 pub struct Args {
-    /// Folder that `label` or `predict` has written, or one of its .npz files.
+    /// Folder that `label`, `predict` or `setups` has written, or one of its labels.npz and predictions.npz.
     results: PathBuf,
     /// Predictions to compare with the labels; without it those in the folder, if any. Or a text of another program:
     /// safety_status.txt or visibility_matrix.txt of DeepMill++, of a part labeled with --sites vertices.
@@ -57,6 +59,10 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
         && let Some(tools) = coverage::labeled_tools(&args.results)?
     {
         return several(args, tools, output);
+    }
+    let has = |name: &str| args.results.join(name).exists();
+    if args.compare.is_none() && has(SETUPS) && !has(LABELS) && !has(PREDICTIONS) {
+        return of_setups(args, output);
     }
     let found = Found::search(args)?;
     let status = args.compare.as_deref().filter(|path| status::is_status(path));
@@ -211,6 +217,28 @@ fn several(args: &Args, tools: Vec<(String, String)>, output: &Output) -> Result
         outlines: &found.outlines(mesh.as_ref())?,
     }
     .write(out)?];
+    output.files(&paths);
+    output.result_with_files(result, &paths);
+    Ok(())
+}
+
+/// All that `setups` writes, again, with pictures and the page.
+fn of_setups(args: &Args, output: &Output) -> Result<()> {
+    if let Some(part) = &args.part {
+        let remedy = "leave it out: the folder of setups holds the part";
+        return Err(Error::argument("--part", part.display(), "a folder of labels", remedy));
+    }
+    let outcome = SetupsOutcome::read(&args.results)?;
+    let out = args.out.as_deref().unwrap_or(&args.results);
+    atomic_file::check_writable_folder(out)?;
+    let mut files = Files::shown(true);
+    files.unit = output.unit();
+    let working = progress::working("drawing");
+    let paths = outcome.write(out, &files, &mut ())?;
+    drop(working);
+    output.say(outcome.setups().table().text_in(output.unit()));
+    findings::say(outcome.findings(), output);
+    let result = json!({ "findings": outcome.findings().json() });
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
