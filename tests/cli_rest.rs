@@ -115,6 +115,23 @@ fn a_t_slot_cutter_leaves_what_its_neck_keeps_it_from() {
 }
 
 #[test]
+fn nothing_left_is_zero_and_machining_twice_adds_nothing() {
+    let folder = Folder::new();
+    let (part, once) = (angle(&folder), folder.path("once"));
+    let of = |part: &str, out: &str| {
+        let output =
+            deepmill(&[&["machined", part, "--out", out, "--accuracy", "0.3"], &UP[..]].concat());
+        (text(&output.stdout), json(&output)["left_mm3"].as_f64().unwrap())
+    };
+    let (_, left) = of(&part, &once);
+    let (_, again) = of(&folder.path("once/machined.stl"), &folder.path("twice"));
+    assert!(again < 0.01 * left, "{again} of {left}");
+    let block = folder.file("block.stl", stl(&block([0.0; 3], [20.0; 3])));
+    let (words, left) = of(&block, &folder.path("block"));
+    assert!(left == 0.0 && !words.contains("-0.0"), "{words}");
+}
+
+#[test]
 fn the_machined_part_is_closed_and_holds_the_fillet() {
     let folder = Folder::new();
     let (part, out) = (angle(&folder), folder.path("out"));

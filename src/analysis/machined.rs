@@ -264,7 +264,8 @@ impl MachinedOutcome {
 
     /// Volume that is left, mm³.
     pub fn left_mm3(&self) -> f64 {
-        self.machined.bodies.iter().map(|body| body.volume_mm3).sum()
+        // Never minus zero.
+        self.machined.bodies.iter().map(|body| body.volume_mm3).sum::<f64>() + 0.0
     }
 
     /// How often what is left was an obstacle itself.

@@ -70,7 +70,8 @@ impl Nodes {
 
     /// Volume of all bodies, mm³.
     pub fn volume_mm3(&self, grid: &Grid, bvh: &Bvh) -> f64 {
-        self.volumes(grid, bvh).iter().sum()
+        // Never minus zero.
+        self.volumes(grid, bvh).iter().sum::<f64>() + 0.0
     }
 
     /// The volume of each node, mm³: of the cubes about it, the nodes in the part and those that are removed beside it
