@@ -1,6 +1,7 @@
 //! `Outcome::read` gives back what was written, whatever was requested, and names what is damaged.
 #![cfg(all(feature = "formats", feature = "generate"))]
 
+use deepmill::Result;
 use deepmill::access::setups::Clampings;
 use deepmill::access::surface::{RefinementOptions, SurfaceOptions};
 use deepmill::analysis::{
@@ -100,25 +101,32 @@ fn outcomes_are_read_back_equal_and_written_again_alike() {
     let folder = tempfile::tempdir().unwrap();
     for (name, analysis) in analyses(folder.path()) {
         let outcome = analysis.run(&mut ()).unwrap();
-        let [first, second] = ["first", "second"].map(|which| folder.path().join(name).join(which));
-        let paths = outcome.write(&first, &Files::default(), &mut ()).unwrap();
-        let read = Outcome::read(&first).unwrap();
-        assert!(read == outcome, "{name}");
-        let again = read.write(&second, &Files::default(), &mut ()).unwrap();
-        require_same_bytes(name, [paths, again]);
+        let write = |of: &Outcome, to: &Path| of.write(to, &Files::default(), &mut ());
+        let read = there_and_back((folder.path(), name), &outcome, Outcome::read, write);
         // An outcome of another request is another.
         let other = Analysis::new("other", slot(), vec![ball()]).n_sites(300).run(&mut ()).unwrap();
         assert!(read != other, "{name}");
     }
 }
 
-/// Whether what is read back of a folder, and written again, is the same to the last byte.
-fn require_same_bytes(name: &str, [paths, again]: [Vec<PathBuf>; 2]) {
+/// Writes an outcome, reads it back, which is equal, and writes that, which has the same bytes. Returns what was read.
+fn there_and_back<T: PartialEq>(
+    (folder, name): (&Path, &str),
+    outcome: &T,
+    read: impl Fn(&Path) -> Result<T>,
+    write: impl Fn(&T, &Path) -> Result<Vec<PathBuf>>,
+) -> T {
+    let [first, second] = ["first", "second"].map(|which| folder.join(name).join(which));
+    let paths = write(outcome, &first).unwrap();
+    let read = read(&first).unwrap();
+    assert!(read == *outcome, "{name}");
+    let again = write(&read, &second).unwrap();
     for (a, b) in paths.iter().zip(&again) {
         let (first, second) = (std::fs::read(a).unwrap(), std::fs::read(b).unwrap());
         assert!(first == second, "{name}: {}", a.display());
     }
     assert_eq!(paths.len(), again.len());
+    read
 }
 
 #[test]
@@ -130,13 +138,9 @@ fn what_tools_reach_is_read_back_equal_and_written_again_alike() {
     for (name, analysis) in all {
         n += 1;
         let outcome = analysis.place(&mut ()).unwrap().reach(0.9, &mut ()).unwrap();
-        let [first, second] = ["first", "second"].map(|which| folder.path().join(name).join(which));
-        let paths = outcome.write(&first, &Files::default(), &mut ()).unwrap();
-        let read = ToolsOutcome::read(&first).unwrap();
-        assert!(read == outcome, "{name}");
+        let write = |of: &ToolsOutcome, to: &Path| of.write(to, &Files::default(), &mut ());
+        let read = there_and_back((folder.path(), name), &outcome, ToolsOutcome::read, write);
         assert_eq!(read.library().table().csv(), outcome.library().table().csv());
-        let again = read.write(&second, &Files::default(), &mut ()).unwrap();
-        require_same_bytes(name, [paths, again]);
     }
     assert_eq!(n, kinds.len());
     let record = folder.path().join("held/first/tools.npz");
@@ -181,18 +185,14 @@ fn setups_are_read_back_equal_and_written_again_alike() {
     for (name, request) in requests() {
         let analysis = Analysis::new("slot", slot(), vec![ball(), lollipop()]).n_sites(300);
         let outcome = analysis.place(&mut ()).unwrap().plan(request, &mut ()).unwrap();
-        let [first, second] = ["first", "second"].map(|which| folder.path().join(name).join(which));
         let mut files = Files::default();
         files.report = true;
-        let paths = outcome.write(&first, &files, &mut ()).unwrap();
-        let read = SetupsOutcome::read(&first).unwrap();
-        assert!(read == outcome, "{name}");
+        let write = |of: &SetupsOutcome, to: &Path| of.write(to, &files, &mut ());
+        let read = there_and_back((folder.path(), name), &outcome, SetupsOutcome::read, write);
         assert_eq!(
             (read.premise(), read.setups().json()),
             (outcome.premise(), outcome.setups().json())
         );
-        let again = read.write(&second, &files, &mut ()).unwrap();
-        require_same_bytes(name, [paths, again]);
     }
     let record = folder.path().join("vise/first/setups.npz");
     require_every_entry(&record, |folder| SetupsOutcome::read(folder).map(drop));
@@ -214,12 +214,8 @@ fn predictions_are_read_back_equal_and_written_again_alike() {
         let request = PredictRequest::new(network.clone(), "tiny").occlusion_share(0.2);
         let request = if n % 2 == 0 { request.verify(0.1) } else { request };
         let outcome = analysis.place(&mut ()).unwrap().predict(&request, &mut ()).unwrap();
-        let [first, second] = ["first", "second"].map(|which| folder.path().join(name).join(which));
-        let paths = outcome.write(&first, &Files::default(), &mut ()).unwrap();
-        let read = PredictionsOutcome::read(&first).unwrap();
-        assert!(read == outcome, "{name}");
-        let again = read.write(&second, &Files::default(), &mut ()).unwrap();
-        require_same_bytes(name, [paths, again]);
+        let write = |of: &PredictionsOutcome, to: &Path| of.write(to, &Files::default(), &mut ());
+        there_and_back((folder.path(), name), &outcome, PredictionsOutcome::read, write);
     }
     assert_eq!(n, kinds.len());
     let record = folder.path().join("two/first/predicted.npz");
@@ -234,7 +230,7 @@ fn predictions_are_read_back_equal_and_written_again_alike() {
 }
 
 /// Of a record, each array that is left out is named, and so is a file that ends too early.
-fn require_every_entry(record: &Path, read: impl Fn(&Path) -> deepmill::Result<()>) {
+fn require_every_entry(record: &Path, read: impl Fn(&Path) -> Result<()>) {
     let (whole, folder) = (std::fs::read(record).unwrap(), record.parent().unwrap());
     let is_of_triangles = !record.ends_with("predicted.npz");
     let message = |what: &str| {

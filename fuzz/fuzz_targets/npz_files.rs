@@ -14,12 +14,8 @@ use deepmill::geom::{sites, solids};
 use deepmill::model::{Model, UNetConfig};
 use glam::DVec3;
 use libfuzzer_sys::fuzz_target;
-use std::io::{Cursor, Read, Write};
+use scratch::Entries;
 use std::sync::LazyLock;
-use zip::write::SimpleFileOptions;
-use zip::{ZipArchive, ZipWriter};
-
-type Entries = Vec<(String, Vec<u8>)>;
 
 /// The entries of one whole file of each kind.
 static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
@@ -49,17 +45,7 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
     let mut prediction = PredictionFile::new(provenance(), sites, prediction);
     (prediction.occlusion_share, prediction.verified) = (Some(0.1), Some(verified));
     let path = scratch::file("whole.npz", &[]);
-    let entries = || {
-        let mut zip = ZipArchive::new(Cursor::new(std::fs::read(&path).unwrap())).unwrap();
-        let mut entries = Entries::new();
-        for i in 0..zip.len() {
-            let mut entry = zip.by_index(i).unwrap();
-            let mut bytes = Vec::new();
-            entry.read_to_end(&mut bytes).unwrap();
-            entries.push((entry.name().unwrap().into_owned(), bytes));
-        }
-        entries
-    };
+    let entries = || scratch::entries(&path);
     labels.write(&path).unwrap();
     let labels = entries();
     prediction.write(&path).unwrap();
@@ -72,19 +58,7 @@ fuzz_target!(|input: &[u8]| {
     let Some((kind, changes)) = input.split_first() else { return };
     let kind = usize::from(kind % 3);
     let entries = &WHOLE[kind];
-    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
-    for (i, (name, bytes)) in entries.iter().enumerate() {
-        // An entry takes every n-th change, and is left out if the last of them is 255.
-        let own: Vec<u8> =
-            changes.chunks(4).skip(i).step_by(entries.len()).flatten().copied().collect();
-        if own.last() == Some(&255) {
-            continue;
-        }
-        zip.start_file(name, stored).unwrap();
-        zip.write_all(&scratch::changed(bytes, &own)).unwrap();
-    }
-    let path = scratch::file("changed.npz", &zip.finish().unwrap().into_inner());
+    let path = scratch::file("changed.npz", &scratch::archive(entries, changes));
     // NaN differs from itself: what is written again is compared as bytes.
     let twice = |write: &dyn Fn()| {
         write();

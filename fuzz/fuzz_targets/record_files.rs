@@ -15,13 +15,9 @@ use deepmill::geom::solids;
 use deepmill::model::{Model, Predictor, UNetConfig};
 use glam::DVec3;
 use libfuzzer_sys::fuzz_target;
-use std::io::{Cursor, Read, Write};
+use scratch::Entries;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
-use zip::write::SimpleFileOptions;
-use zip::{ZipArchive, ZipWriter};
-
-type Entries = Vec<(String, Vec<u8>)>;
 
 /// Of each command the folder, its record, and the entries of that.
 static WHOLE: LazyLock<[(PathBuf, &str, Entries); 4]> = LazyLock::new(|| {
@@ -61,23 +57,11 @@ static WHOLE: LazyLock<[(PathBuf, &str, Entries); 4]> = LazyLock::new(|| {
     written(predicted.write(&folders[3], &files, &mut ()));
     let records = ["outcome.npz", "tools.npz", "setups.npz", "predicted.npz"];
     let mut both = folders.into_iter().zip(records).map(|(folder, record)| {
-        let entries = entries(&folder.join(record));
+        let entries = scratch::entries(&folder.join(record));
         (folder, record, entries)
     });
     std::array::from_fn(|_| both.next().expect("four commands"))
 });
-
-fn entries(path: &Path) -> Entries {
-    let mut zip = ZipArchive::new(Cursor::new(std::fs::read(path).unwrap())).unwrap();
-    let mut entries = Entries::new();
-    for i in 0..zip.len() {
-        let mut entry = zip.by_index(i).unwrap();
-        let mut bytes = Vec::new();
-        entry.read_to_end(&mut bytes).unwrap();
-        entries.push((entry.name().unwrap().into_owned(), bytes));
-    }
-    entries
-}
 
 /// Reads a folder, writes it again, and compares what is read of both.
 fn read_and_written<T: PartialEq>(
@@ -99,19 +83,7 @@ fuzz_target!(|input: &[u8]| {
     let Some((kind, changes)) = input.split_first() else { return };
     let kind = usize::from(kind % 4);
     let (folder, record, entries) = &WHOLE[kind];
-    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
-    for (i, (name, bytes)) in entries.iter().enumerate() {
-        // An entry takes every n-th change, and is left out if the last of them is 255.
-        let own: Vec<u8> =
-            changes.chunks(4).skip(i).step_by(entries.len()).flatten().copied().collect();
-        if own.last() == Some(&255) {
-            continue;
-        }
-        zip.start_file(name, stored).unwrap();
-        zip.write_all(&scratch::changed(bytes, &own)).unwrap();
-    }
-    std::fs::write(folder.join(record), zip.finish().unwrap().into_inner()).unwrap();
+    std::fs::write(folder.join(record), scratch::archive(entries, changes)).unwrap();
     let files = Files::default();
     match kind {
         0 => read_and_written(folder, Outcome::read, |of, to| of.write(to, &files, &mut ())),

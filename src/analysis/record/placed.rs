@@ -5,6 +5,7 @@ use crate::analysis::fixtures::Fixture;
 use crate::analysis::placed::Placed;
 use crate::analysis::request::Request;
 use crate::data::files::settings::Blocking;
+use crate::data::files::vertices;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::directions::Directions;
 use crate::geom::file_vertices::SiteVertices;
@@ -13,6 +14,7 @@ use crate::geom::{Mesh, Sites};
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -99,6 +101,30 @@ impl<'a> OfPlaced<'a> {
     }
 }
 
+/// As [`OfPlaced::read`] of a record that holds the sites, which are on the triangles of a part.
+pub fn read_on_part(of: OfPlaced, path: &Path, npz: &mut NpzReader) -> Result<Placed> {
+    let sites = read_sites(path, npz, "")?;
+    let vertices = vertices::read(path, npz, &sites)?;
+    let bad = |at: &str, found: &str| Error::file(path, at, found, REMEDY);
+    let placed = of.read((path, npz), (sites, vertices))?;
+    let placed = placed.ok_or_else(|| bad("faces", "other triangles than the part has"))?;
+    placed.mesh().ok_or_else(|| bad("vertices", "a part without triangles"))?;
+    Ok(placed)
+}
+
+/// As [`add`], and the sites.
+pub fn add_on_part(path: &Path, npz: &mut NpzWriter, placed: &Placed) -> Result<()> {
+    add(npz, placed);
+    add_sites(npz, "", &placed.sites);
+    add_vertices(path, npz, placed)
+}
+
+/// Which vertices of the part's file the sites are at, if they are at any.
+pub fn add_vertices(path: &Path, npz: &mut NpzWriter, placed: &Placed) -> Result<()> {
+    // The names of the arrays say what they are.
+    vertices::add(path, npz, placed.vertices.as_ref(), (placed.sites.len(), &mut Value::Null))
+}
+
 /// Adds the meshes of part, fixtures and region, and further points.
 pub fn add(npz: &mut NpzWriter, placed: &Placed) {
     let Placed { request, mesh, region, more, .. } = placed;
@@ -161,13 +187,13 @@ fn read_region(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<Option
     Ok(Some((region, on_region)))
 }
 
-pub fn add_sites(npz: &mut NpzWriter, prefix: &str, sites: &Sites) {
+fn add_sites(npz: &mut NpzWriter, prefix: &str, sites: &Sites) {
     let name = |name: &str| format!("{prefix}{name}");
     npz.vectors(&name("points"), &sites.points).vectors(&name("normals"), &sites.normals);
     npz.array(&name("faces"), &[sites.faces.len()], &sites.faces);
 }
 
-pub fn read_sites(path: &Path, npz: &mut NpzReader, prefix: &str) -> Result<Sites> {
+fn read_sites(path: &Path, npz: &mut NpzReader, prefix: &str) -> Result<Sites> {
     let [points, normals, faces] = ["points", "normals", "faces"].map(|n| format!("{prefix}{n}"));
     let sites = Sites {
         points: npz.vectors(&points)?,

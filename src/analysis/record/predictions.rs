@@ -1,6 +1,6 @@
 //! The record of predictions: what the files of the tools do not hold.
 
-use super::placed::{self, OfPlaced};
+use super::placed::{self, OfPlaced, add_vertices};
 use super::{REMEDY, add_text, metadata, of_another_run, open, read_text};
 use crate::analysis::{PredictionsOutcome, ToolPrediction};
 use crate::data::files::{PredictionFile, vertices};
@@ -8,7 +8,6 @@ use crate::data::npz::NpzWriter;
 use crate::report::folder::PREDICTIONS;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -91,8 +90,7 @@ impl PredictionsOutcome {
         };
         add_text(&path, &mut npz, "predicted", &all)?;
         placed::add(&mut npz, &self.placed);
-        let (n, mut meaning) = (self.placed.sites.len(), Value::Null);
-        vertices::add(&path, &mut npz, self.placed.vertices.as_ref(), (n, &mut meaning))?;
+        add_vertices(&path, &mut npz, &self.placed)?;
         let meaning = "what predictions.npz of each tool does not hold; texts are JSON";
         npz.metadata(&metadata(FORMAT, self.placed.part(), meaning));
         npz.write(&path)?;

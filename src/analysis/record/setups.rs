@@ -1,12 +1,11 @@
 //! The record of setups.
 
-use super::placed::{self, OfPlaced, add_mesh, add_sites, read_mesh, read_sites};
+use super::placed::{OfPlaced, add_mesh, add_on_part, read_mesh, read_on_part};
 use super::{REMEDY, add_text, is_about, metadata, open, read_text};
 use crate::access::setups::{Plan, Setup};
 use crate::analysis::clamping::Clamping;
 use crate::analysis::fixtures::Fixture;
 use crate::analysis::{SetupRequest, SetupsOutcome};
-use crate::data::files::vertices;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::report::findings::Findings;
 use crate::report::folder::SETUPS;
@@ -14,7 +13,6 @@ use crate::report::gate::SiteAreas;
 use crate::report::setups::{Held, Setups};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use std::borrow::Cow;
 use std::mem;
 use std::path::{Path, PathBuf};
@@ -67,12 +65,8 @@ impl SetupsOutcome {
         let path = &folder.join(SETUPS);
         let mut npz = open(path, FORMAT, "run `deepmill setups` again")?;
         let all: OfSetups = read_text(path, &mut npz, "setups")?;
-        let sites = read_sites(path, &mut npz, "")?;
-        let vertices = vertices::read(path, &mut npz, &sites)?;
+        let placed = read_on_part(all.placed, path, &mut npz)?;
         let bad = |at: &str, found: &str| Error::file(path, at, found, REMEDY);
-        let placed = all.placed.read((path, &mut npz), (sites, vertices))?;
-        let placed = placed.ok_or_else(|| bad("faces", "other triangles than the part has"))?;
-        let mesh = placed.mesh().ok_or_else(|| bad("setups", "a part without triangles"))?;
         let mut request = all.setup_request.into_owned();
         let fixture = |(k, (number, name)): (usize, (usize, Cow<str>))| {
             let mesh = read_mesh(path, &mut npz, &format!("setup_fixture_{k}_"))?;
@@ -84,6 +78,7 @@ impl SetupsOutcome {
         let mut plan = all.plan;
         fill((path, &mut npz), &mut plan, [sites.len(), tools.len()])?;
         let of = (sites, tools.len());
+        let mesh = placed.mesh().expect("it was read with triangles");
         let (candidates, list) = request.held(mesh, &placed.request.fixtures, of)?;
         if let Some(k) = unknown_in(&plan, (candidates.list().len(), tools.len())) {
             return Err(bad("setups", &format!("setup {} names what is not there", k + 1)));
@@ -128,14 +123,10 @@ impl SetupsOutcome {
             notices: Cow::Borrowed(&self.notices),
         };
         add_text(&path, &mut npz, "setups", &all)?;
-        placed::add(&mut npz, &self.placed);
+        add_on_part(&path, &mut npz, &self.placed)?;
         for (k, (_, fixture)) in of_setups.iter().enumerate() {
             add_mesh(&mut npz, &format!("setup_fixture_{k}_"), &fixture.mesh);
         }
-        add_sites(&mut npz, "", &self.placed.sites);
-        let n = self.placed.sites.len();
-        let mut meaning = Value::Null;
-        vertices::add(&path, &mut npz, self.placed.vertices.as_ref(), (n, &mut meaning))?;
         let meaning = "the chosen setups and what each reaches; texts are JSON";
         npz.metadata(&metadata(FORMAT, self.placed.part(), meaning));
         npz.write(&path)?;

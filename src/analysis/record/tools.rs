@@ -1,17 +1,16 @@
 //! The record of what the tools of a library reach.
 
-use super::placed::{self, OfPlaced, add_sites, read_sites};
+use super::placed::{OfPlaced, add_on_part, read_on_part};
 use super::{REMEDY, add_text, metadata, open, read_text};
 use crate::access::surface::{SiteAnswer, ToolReach};
 use crate::analysis::ToolsOutcome;
-use crate::data::files::{poses, vertices};
+use crate::data::files::poses;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
 use crate::report::gate::SiteAreas;
 use crate::report::library::Library;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -48,13 +47,8 @@ impl ToolsOutcome {
         let path = &folder.join(TOOLS);
         let mut npz = open(path, FORMAT, "run `deepmill tools` again")?;
         let all: OfTools = read_text(path, &mut npz, "tools")?;
-        let sites = read_sites(path, &mut npz, "")?;
-        let vertices = vertices::read(path, &mut npz, &sites)?;
-        let placed = all.placed.read((path, &mut npz), (sites, vertices))?;
+        let placed = read_on_part(all.placed, path, &mut npz)?;
         let bad = |at: &str, found: String| Error::file(path, at, found, REMEDY);
-        let placed =
-            placed.ok_or_else(|| bad("faces", "other triangles than the part has".into()))?;
-        placed.mesh().ok_or_else(|| bad("tools", "a part without triangles".into()))?;
         let tools = placed.request.tools.clone();
         let reach = (0..tools.len()).map(|k| read_reach((path, &mut npz), k, &placed.sites));
         let reach = reach.collect::<Result<Vec<ToolReach>>>()?;
@@ -87,11 +81,7 @@ impl ToolsOutcome {
             notices: Cow::Borrowed(&self.notices),
         };
         add_text(&path, &mut npz, "tools", &all)?;
-        placed::add(&mut npz, &self.placed);
-        add_sites(&mut npz, "", &self.placed.sites);
-        let n = self.placed.sites.len();
-        let mut meaning = Value::Null;
-        vertices::add(&path, &mut npz, self.placed.vertices.as_ref(), (n, &mut meaning))?;
+        add_on_part(&path, &mut npz, &self.placed)?;
         for (k, reach) in self.library.reach().iter().enumerate() {
             add_reach(&mut npz, k, reach);
         }
