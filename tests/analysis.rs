@@ -10,6 +10,7 @@ use deepmill::analysis::{
     Analysis, Files, Fixture, Outcome, PredictRequest, PredictionsOutcome, Progress, SetupRequest,
     SetupsOutcome, Stage, ToolsOutcome, VolumeOutcome,
 };
+use deepmill::cutter::{Assembly, Section};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
 use deepmill::directions::Directions;
@@ -172,11 +173,30 @@ fn tools_setups_volumes_and_predictions_of_a_program_are_those_of_the_commands()
         let analysis = of(vec![flat("3,20,20,20")]).table(-1.0);
         analysis.volume(4.0, &mut ()).unwrap().write(to, files).unwrap()
     });
-    let [first, second] = ["volume-1", "volume-2"].map(|name| folder.path(name));
-    let read = VolumeOutcome::read(first.as_ref()).unwrap();
-    assert!(read == VolumeOutcome::read(second.as_ref()).unwrap());
-    let analysis = of(vec![flat("3,20,20,20")]).table(-1.0);
-    assert!(read == analysis.volume(4.0, &mut ()).unwrap());
+    let profile = "name,profile\nT,3:0 3:2 1:2 | 1:20\n";
+    let library = folder.file("profile.csv", profile);
+    let held = folder.file("holder.csv", "height,lower,upper\n30,20,20\n");
+    let lengths = ["--tools", &library, "--holder", &held, "--stick-out", "20", "--volume", "4"];
+    let t_slot = || {
+        let profile = "3:0 3:2 1:2 | 1:20".parse().unwrap();
+        let holder = [Section::cylinder(30.0, 10.0)];
+        let held = Assembly::from_profile(profile, &holder, 20.0).unwrap();
+        let words = "profile 6 mm, 20 mm out of holder".into();
+        vec![Tool::of_assembly("T", held, 0.0, words).unwrap()]
+    };
+    let arguments = [&["label", &path], &lengths[..], &["--table", "-1"]].concat();
+    same_files(&folder, "profile", &arguments, |to, files| {
+        of(t_slot()).table(-1.0).volume(4.0, &mut ()).unwrap().write(to, files).unwrap()
+    });
+    let flat = of(vec![flat("3,20,20,20")]).table(-1.0).volume(4.0, &mut ()).unwrap();
+    let profile = of(t_slot()).table(-1.0).volume(4.0, &mut ()).unwrap();
+    assert_eq!(profile.notices().len(), 1 + flat.notices().len());
+    for (name, outcome) in [("volume", flat), ("profile", profile)] {
+        for of in 1..=2 {
+            let folder = folder.path(&format!("{name}-{of}"));
+            assert!(VolumeOutcome::read(folder.as_ref()).unwrap() == outcome, "{folder}");
+        }
+    }
 }
 
 #[test]

@@ -175,7 +175,13 @@ fn every_label_and_every_file_of_findings_is_of_the_schema() {
     let result = run(&[&label[..], &["--tools", &tools, "--baseline", &known]].concat());
     require(&schema, "label", &result);
     require(&schema, "baseline", &result["baseline"]);
-    require(&schema, "label_volume", &run(&[&label[..], &cutter, &["--volume", "4"]].concat()));
+    let profile = folder.file("profile.csv", "name,profile\nT,3:0 3:2 1:2 | 1:20\n");
+    let held = folder.file("held.csv", "height,lower,upper\n30,20,20\n");
+    let profile = ["--tools", &profile, "--holder", &held, "--stick-out", "20"];
+    for tool in [&cutter[..], &profile] {
+        let volume = run(&[&label[..], tool, &["--volume", "4"]].concat());
+        require(&schema, "label_volume", &volume);
+    }
     // A change of the finding that no schema may take.
     let mut wrong = result["findings"]["findings"][0].clone();
     for (key, value) in [

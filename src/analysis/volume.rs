@@ -6,7 +6,7 @@ use super::observer::{Observer, Stage, report};
 use super::placed::{or_usual, without_area};
 use super::write::Files;
 use crate::access::Queries;
-use crate::access::surface::{SurfaceOptions, TriangleObstacles};
+use crate::access::surface::{SurfaceOptions, TriangleObstacles, retreats};
 use crate::answers::Definition;
 use crate::data::files::settings::{Blocking, ToolSettings};
 use crate::data::files::volume::{PointAnswer, Said, VolumeFile};
@@ -92,7 +92,12 @@ impl Analysis {
         let (part, words) = (request.part, tool.words());
         let provenance = Provenance { part, cutter: tool.params, tool: words, settings };
         let mut file = VolumeFile::new(provenance, lattice, &inside, &labels)?;
-        file.said = Said { warnings, notices: without_area(&obstacles).into_iter().collect() };
+        let retreats = file.unproven_share().map(|share| {
+            let retreats = retreats(share, "points");
+            format!("the tool is given by its profile: directions are not counted; {retreats}")
+        });
+        let notices = without_area(&obstacles).into_iter().chain(retreats).collect();
+        file.said = Said { warnings, notices };
         Ok(VolumeOutcome { file, seconds: [points_s, start.elapsed().as_secs_f64()] })
     }
 }

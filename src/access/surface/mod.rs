@@ -94,3 +94,5 @@ pub(crate) use verify::sites_to_count;
 #[doc(hidden)] // of the program
 pub use warnings::WIDE_MM;
 pub use warnings::Warning;
+#[cfg(all(feature = "formats", feature = "generate"))]
+pub(crate) use warnings::retreats;

@@ -119,13 +119,10 @@ impl TriangleObstacles {
             if options.clearance_limit_mm.is_some() {
                 require_steps(Some(profile), "leave the clearance limit out")?;
             }
-            if matches!(queries, Queries::Volume(_)) {
-                require_steps(Some(profile), "label sites of the surface, not points of space")?;
-            }
             let tool = ProfileTool::new(&self.bvh, &problem.tolerances, profile, options.finish_mm);
-            let (contacts, own) = (problem.contacts, problem.own_tolerances);
+            let part = (problem.part, problem.own_tolerances);
             let domain = domain.filter(|_| options.refinement.is_some());
-            return Ok(profile::label(&tool, &contacts, (&tested, domain), own));
+            return Ok(profile::label(&tool, &problem.contacts, (&tested, domain), part));
         }
         let tallies = problem.by_triangles(cutter, &tested, domain, options)?;
         let clearance = options.clearance_limit_mm.map(|limit| {

@@ -1,5 +1,6 @@
 //! Points of the triangles: obstacles that are tested first, since a tool that holds one certainly penetrates.
 
+use super::tool::Contact;
 use crate::geom::mesh::has_area;
 use glam::DVec3;
 
@@ -12,19 +13,35 @@ pub(super) fn points(triangles: &[[DVec3; 3]], n: usize, origin: DVec3) -> Vec<D
     if n == 0 {
         return Vec::new();
     }
+    let mut points = Vec::with_capacity(2 * n);
+    each(triangles, n, |_, point| points.push(point - origin));
+    points.extend(corners(triangles, n).into_iter().map(|p| p - origin));
+    points
+}
+
+/// `n` sites of the triangles, even by area, with the normals of these.
+pub(super) fn sites(triangles: &[[DVec3; 3]], n: usize) -> Vec<Contact> {
+    let mut sites = Vec::with_capacity(n);
+    each(triangles, n, |[a, b, c], point| {
+        sites.push(Contact { point, normal: (b - a).cross(c - a).try_normalize() });
+    });
+    sites.retain(|site| site.normal.is_some());
+    sites
+}
+
+/// Calls `then` with `n` points, even by area, and their triangles.
+fn each(triangles: &[[DVec3; 3]], n: usize, mut then: impl FnMut([DVec3; 3], DVec3)) {
     let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
     let total: f64 = triangles.iter().map(area).sum();
-    let mut points = Vec::with_capacity(2 * n);
-    let mut before = 0.0;
+    let (mut before, mut k) = (0.0, 0.0);
     for corners in triangles {
         let after = before + area(corners);
-        while points.len() < n && (points.len() as f64 + 0.5) * total < after * n as f64 {
-            points.push(at(corners, points.len() as f64 + 1.0) - origin);
+        while k < n as f64 && (k + 0.5) * total < after * n as f64 {
+            k += 1.0;
+            then(*corners, at(corners, k));
         }
         before = after;
     }
-    points.extend(corners(triangles, n).into_iter().map(|p| p - origin));
-    points
 }
 
 /// The different corners if they are at most `n`, else none.

@@ -164,13 +164,7 @@ impl fmt::Display for Warning {
                 f,
                 "the tool is given by its profile: of the directions between those of the set only those that flat and round \
                  faces suggest are tested; {}",
-                match unproven_share {
-                    0.0 => "a retreat is proven wherever a pose is free".to_string(),
-                    share => format!(
-                        "no retreat is proven from the free poses at {} of the sites, which count as inaccessible",
-                        percent(share)
-                    ),
-                }
+                retreats(unproven_share, "sites")
             ),
             Warning::Drill => f.write_str(
                 "the tool is a drill or a reamer: what it reaches is reached by drilling, in bores of its own diameter",
@@ -185,6 +179,17 @@ impl fmt::Display for Warning {
 }
 
 /// A share in words: none that is there is said to be 0.
+/// What is known of the retreats of a tool that is given by its profile.
+pub(crate) fn retreats(unproven_share: f64, of: &str) -> String {
+    match unproven_share {
+        0.0 => "a retreat is proven wherever a pose is free".to_string(),
+        share => format!(
+            "no retreat is proven from the free poses at {} of the {of}, which count as inaccessible",
+            percent(share)
+        ),
+    }
+}
+
 fn percent(share: f64) -> String {
     match share > 0.0 && share < 0.0005 {
         true => "less than 0.1 %".into(),

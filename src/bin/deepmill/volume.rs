@@ -58,6 +58,9 @@ pub fn run(
     ] {
         facts.add(key, answer.words(), Cell::Share(file.share(answer)));
     }
+    if let Some(share) = file.unproven_share() {
+        facts.add("retreat_unproven", "retreat unproven", Cell::Share(share));
+    }
     clock.add_to(&mut facts);
     output.say(&premise);
     output.say(facts.text_in(output.unit()));

@@ -61,10 +61,13 @@ pub struct VolumeFile {
     pub lattice: Lattice,
     /// Per point of the lattice, in its order.
     pub answers: Vec<PointAnswer>,
-    /// Directions of the set in which no step penetrates the part; 0 inside.
+    /// Directions of the set in which no step penetrates the part; 0 inside. Empty for tools given by their profile.
     pub collision_free_directions: Vec<u32>,
-    /// Of these, those in which the tip fits too.
+    /// Of these, those in which the tip fits too; empty likewise.
     pub accessible_directions: Vec<u32>,
+    /// Of a tool given by its profile: where it fits, but no retreat is proven, so that the answer is inaccessible. Empty
+    /// for other tools.
+    pub(crate) retreat_unproven: Vec<bool>,
     /// A direction in which the tip can be there.
     pub witness: Vec<Option<Vec3>>,
     /// What was said while it was computed.
@@ -82,6 +85,8 @@ pub(crate) struct Said {
 
 /// Its array, JSON, if there is a sentence.
 const SAID: &str = "said";
+/// Array of the points without a proven retreat.
+const UNPROVEN: &str = "retreat_unproven";
 
 impl VolumeFile {
     const FORMAT: &str = "deepmill volume labels";
@@ -97,12 +102,14 @@ impl VolumeFile {
         labels: &SurfaceLabels,
     ) -> Result<Self> {
         let n_outside = inside.iter().filter(|inside| !**inside).count();
-        let counts = [
-            labels.answers.len(),
-            labels.witness.len(),
-            labels.collision_free_directions.len(),
-            labels.accessible_directions.len(),
-        ];
+        let is_counted = labels.retreat_unproven.is_empty();
+        let [free, accessible] = match is_counted {
+            true => {
+                [&labels.collision_free_directions, &labels.accessible_directions].map(Vec::len)
+            }
+            false => [labels.retreat_unproven.len(); 2],
+        };
+        let counts = [labels.answers.len(), labels.witness.len(), free, accessible];
         if inside.len() != lattice.len() || counts != [n_outside; 4] {
             let found = format!("{counts:?} answers, {} points", inside.len());
             let expected = format!("{n_outside} answers, {} points", lattice.len());
@@ -113,18 +120,25 @@ impl VolumeFile {
             provenance,
             lattice,
             answers: vec![PointAnswer::Inside; inside.len()],
-            collision_free_directions: vec![0; inside.len()],
-            accessible_directions: vec![0; inside.len()],
+            collision_free_directions: at_points(inside, &labels.collision_free_directions),
+            accessible_directions: at_points(inside, &labels.accessible_directions),
+            retreat_unproven: at_points(inside, &labels.retreat_unproven),
             witness: vec![None; inside.len()],
             said: Said::default(),
         };
         for (k, n) in (0..inside.len()).filter(|&n| !inside[n]).enumerate() {
             file.answers[n] = labels.answers[k].into();
-            file.collision_free_directions[n] = labels.collision_free_directions[k];
-            file.accessible_directions[n] = labels.accessible_directions[k];
             file.witness[n] = labels.witness[k].map(|pose| pose.direction);
         }
         Ok(file)
+    }
+
+    /// Of a tool given by its profile: share of the points outside the part where it fits, but no retreat is proven.
+    #[doc(hidden)] // of the program
+    pub fn unproven_share(&self) -> Option<f64> {
+        let n_outside = self.answers.iter().filter(|other| **other != PointAnswer::Inside).count();
+        let n_unproven = self.retreat_unproven.iter().filter(|unproven| **unproven).count();
+        (!self.retreat_unproven.is_empty()).then(|| n_unproven as f64 / n_outside.max(1) as f64)
     }
 
     /// Share of the points outside the part with this answer; 0 if there are none.
@@ -149,11 +163,19 @@ impl VolumeFile {
             .array("step", &[1], &[self.lattice.step_mm])
             .array("counts", &[3], &counts)
             .array("cutter", &[4], &self.provenance.cutter.to_array())
-            .array("answer", &n, &numbers)
-            .array("collision_free_directions", &n, &self.collision_free_directions)
-            .array("accessible_directions", &n, &self.accessible_directions)
-            .array("witness_direction", &[n[0], 3], &witness.collect::<Vec<f32>>())
-            .metadata(&self.provenance.metadata(Self::FORMAT, meaning()));
+            .array("answer", &n, &numbers);
+        let is_counted = self.retreat_unproven.is_empty();
+        if is_counted {
+            npz.array("collision_free_directions", &n, &self.collision_free_directions).array(
+                "accessible_directions",
+                &n,
+                &self.accessible_directions,
+            );
+        } else {
+            npz.array(UNPROVEN, &n, &self.retreat_unproven);
+        }
+        npz.array("witness_direction", &[n[0], 3], &witness.collect::<Vec<f32>>());
+        npz.metadata(&self.provenance.metadata(Self::FORMAT, meaning(is_counted)));
         if self.said != Said::default() {
             let text = serde_json::to_vec(&self.said).map_err(|e| Error::write(path, e.into()))?;
             npz.array(SAID, &[text.len()], &text);
@@ -188,22 +210,32 @@ impl VolumeFile {
             let text = npz.counts::<u8>(SAID)?;
             said = serde_json::from_slice(&text).map_err(|e| bad(SAID, e.to_string()))?;
         }
+        let answers = answers.collect::<Result<_>>()?;
+        // Tools of any profile: directions are not counted.
+        let is_counted = !npz.has(UNPROVEN);
+        let mut counts = |array: &str| match is_counted {
+            true => npz.counts(array),
+            false => Ok(Vec::new()),
+        };
         let file = VolumeFile {
             said,
-            answers: answers.collect::<Result<_>>()?,
-            collision_free_directions: npz.counts("collision_free_directions")?,
-            accessible_directions: npz.counts("accessible_directions")?,
+            answers,
+            collision_free_directions: counts("collision_free_directions")?,
+            accessible_directions: counts("accessible_directions")?,
+            retreat_unproven: if is_counted { Vec::new() } else { npz.bools(UNPROVEN)? },
             witness: unit_or_none(path, &mut npz, "witness_direction")?,
             provenance,
             lattice,
         };
         let n = [nx, ny, nz].into_iter().try_fold(1, usize::checked_mul).unwrap_or(usize::MAX);
-        for (array, len) in [
-            ("answer", file.answers.len()),
+        let counted = [
             ("collision_free_directions", file.collision_free_directions.len()),
             ("accessible_directions", file.accessible_directions.len()),
-            ("witness_direction", file.witness.len()),
-        ] {
+        ];
+        let unproven = [(UNPROVEN, file.retreat_unproven.len())];
+        let lists = if is_counted { &counted[..] } else { &unproven };
+        let all = [("answer", file.answers.len()), ("witness_direction", file.witness.len())];
+        for &(array, len) in all.iter().chain(lists) {
             if len != n {
                 return Err(bad(array, format!("{len} entries for {n} points")));
             }
@@ -212,16 +244,39 @@ impl VolumeFile {
     }
 }
 
-fn meaning() -> Value {
-    json!({
+/// For every point of a lattice, of those that are not inside the values in turn; empty if there are none.
+fn at_points<T: Copy + Default>(inside: &[bool], values: &[T]) -> Vec<T> {
+    if values.is_empty() {
+        return Vec::new();
+    }
+    let mut left = values.iter().copied();
+    let at = |is_inside: &bool| if *is_inside { None } else { left.next() };
+    inside.iter().map(at).map(Option::unwrap_or_default).collect()
+}
+
+fn meaning(is_counted: bool) -> Value {
+    let mut meaning = json!({
         "definition": "mesh definition: the part's triangles are the obstacles, the tool is shrunk by the tolerance; it touches the point with any of its cutting portion",
         "points": "origin + step · (i, j, k) with i fastest: reshape arrays to counts[2], counts[1], counts[0] for the axes z, y, x",
         "answer": "0 accessible, 1 inaccessible: in every direction the shank, holder or spindle penetrates the part, \
                    2 the tip does not fit, 3 inside the part",
-        "collision_free_directions": "number of the directions tested in which no shank, holder or spindle penetrates the part",
-        "accessible_directions": "number of these in which the tip fits too",
-        "witness_direction": "unit vector from tip to spindle in which the tip may be there, 0 0 0 if there is none",
-    })
+    });
+    if is_counted {
+        meaning["collision_free_directions"] = json!(
+            "number of the directions tested in which no shank, holder or spindle penetrates the part"
+        );
+        meaning["accessible_directions"] = json!("number of these in which the tip fits too");
+        meaning["witness_direction"] = json!(
+            "unit vector from tip to spindle in which the tip may be there, 0 0 0 if there is none"
+        );
+    } else {
+        meaning[UNPROVEN] =
+            json!("1: the tool fits, and no retreat is proven; the answer is inaccessible");
+        meaning["witness_direction"] = json!(
+            "unit vector from tip to spindle in which the tool removes the point, 0 0 0 if there is none"
+        );
+    }
+    meaning
 }
 
 #[cfg(test)]

@@ -96,6 +96,8 @@ const LINE_SHARES: [f64; 3] = [0.02, 0.98, 0.5];
 const FACE_SHARES: [f64; 4] = [0.05, 0.35, 0.65, 0.95];
 const DISC_SHARES: [f64; 3] = [0.02, 0.97, 0.5];
 const FACE_DIRECTIONS: usize = 6;
+/// Turns of the tool about its axis that are tried at a point of space.
+const TURNS: usize = 6;
 
 impl Contacts {
     pub fn new(profile: &Profile, finish: f64) -> Self {
@@ -218,6 +220,23 @@ impl Contacts {
                                 return true;
                             }
                         }
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    /// Calls `then` with poses that touch a point with places all over what cuts, until it is true.
+    pub fn for_each_around(&self, mut then: impl FnMut(Pose) -> bool) -> bool {
+        for (place, start) in self.places.iter().zip(&self.starts) {
+            for share in LINE_SHARES {
+                let along = start + share * place.length();
+                for k in 0..TURNS {
+                    let turn = 2.0 * PI * (k as f64 / TURNS as f64);
+                    let toward = dvec2(libm::cos(turn), libm::sin(turn));
+                    if then(Pose { along, toward }) {
+                        return true;
                     }
                 }
             }

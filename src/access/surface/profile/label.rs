@@ -10,13 +10,10 @@ use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
 use super::shallow::{Candidate, Shallow};
 use crate::access::surface::bvh::{Band, Bvh};
-use crate::access::surface::cells::Domain;
-use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceStats, WitnessPose};
+use crate::access::surface::labels::{SiteAnswer, WitnessPose};
 use crate::access::surface::tolerance::Tolerances;
 use crate::access::surface::tool::{Contact, Stand};
 use crate::cutter::Profile;
-use crate::directions::Directions;
-use crate::par;
 use glam::{DVec2, DVec3, Vec3};
 
 /// One tool against all triangles.
@@ -34,6 +31,8 @@ pub(in crate::access::surface) struct ProfileTool<'a> {
     bands: [Bands; 3],
     /// Greatest radius of what cuts, mm.
     pub(super) radius: f64,
+    /// Height at which what cuts ends, mm.
+    pub(super) flutes: f64,
     /// No move across the axis is longer, mm.
     pub(super) farthest: f64,
     pub(super) only_widens: bool,
@@ -62,8 +61,6 @@ impl Form {
 
 /// Tolerances are rounded up to a power of this, times the least.
 const TOLERANCE_STEP: f64 = 1.02;
-/// Sites per task.
-const BLOCK: usize = 32;
 // The limits of the search over poses, chosen on the T-slot and the turned part of the tests.
 /// Size of the ball that must fit, of the one that the tool holds: the search for its place is a single one.
 const BALL_SHARE: f64 = 0.7;
@@ -94,9 +91,14 @@ impl SiteResult {
     }
 
     /// With the pose that is free and has a retreat, in a direction of the set.
-    fn with_witness(self, direction: Vec3, state: &State) -> SiteResult {
+    pub(super) fn with_witness(self, direction: Vec3, state: &State) -> SiteResult {
         let witness = Some(WitnessPose { direction, tip_mm: self.last_free });
-        SiteResult { witness, n_tested: state.n_tested, ..self }
+        SiteResult { witness, ..self }.tested(state)
+    }
+
+    /// After these tests.
+    pub(super) fn tested(self, state: &State) -> SiteResult {
+        SiteResult { n_tested: state.n_tested, ..self }
     }
 }
 
@@ -147,6 +149,7 @@ impl<'a> ProfileTool<'a> {
             body_of,
             bands,
             radius,
+            flutes: profile.flutes_mm(),
             farthest,
             only_widens: profile.only_widens(),
             drill: Drill::of(profile),
@@ -276,9 +279,9 @@ impl<'a> ProfileTool<'a> {
         }
     }
 
-    fn milled(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
+    pub(super) fn milled(&self, contact: &Contact, frames: &[Frame]) -> SiteResult {
         let (mut state, mut found) = (State::default(), SiteResult::default());
-        let Some(normal) = contact.normal else { return found };
+        let Some(normal) = contact.normal else { return self.searched(contact.point, frames) };
         let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
         let around = Around {
             bvh: self.bvh,
@@ -305,8 +308,7 @@ impl<'a> ProfileTool<'a> {
                     among.add(Candidate { depth, k, pose });
                 }
                 if hit.cuts && !found.only_tip {
-                    found.only_tip =
-                        self.only_cutting_penetrates(frame, tip, &mut state.last_non_cutting);
+                    found.only_tip = self.only_cutting_penetrates(frame, tip, &mut state);
                 }
                 false
             });
@@ -318,14 +320,14 @@ impl<'a> ProfileTool<'a> {
         for (candidates, pushes) in [(first, PUSHES), (after, FEW_PUSHES)] {
             for Candidate { k, pose, .. } in candidates {
                 let frame = &frames[k];
-                let from = (pose, frame.local(normal));
+                let from = (pose, Some(frame.local(normal)));
                 let tip = self.slide(pushes, frame, contact.point, from, &mut state);
                 if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
                     return found.with_witness(frame.direction, &state);
                 }
             }
         }
-        SiteResult { n_tested: state.n_tested, ..found }
+        found.tested(&state)
     }
 
     /// Whether a retreat from a free pose is proven.
@@ -358,68 +360,12 @@ impl<'a> ProfileTool<'a> {
     }
 
     /// Whether only what cuts is in the way.
-    fn only_cutting_penetrates(&self, frame: &Frame, tip: DVec3, last: &mut Option<u32>) -> bool {
-        self.first_hit(frame, tip, Form::NonCutting, last).is_none()
+    pub(super) fn only_cutting_penetrates(
+        &self,
+        frame: &Frame,
+        tip: DVec3,
+        state: &mut State,
+    ) -> bool {
+        self.first_hit(frame, tip, Form::NonCutting, &mut state.last_non_cutting).is_none()
     }
-}
-
-/// Labels of sites, with the directions that the part suggests where a set stands for a domain: see the
-/// [module](super).
-pub(in crate::access::surface) fn label(
-    tool: &ProfileTool,
-    contacts: &[Contact],
-    (directions, domain): (&Directions, Option<Domain>),
-    own_tolerances: Vec<f64>,
-) -> SurfaceLabels {
-    let frames = Frame::tested((directions, domain), tool.bvh);
-    let found = sites(tool, contacts, &frames);
-    let mut labels = SurfaceLabels {
-        tolerance_mm: own_tolerances,
-        finish_mm: tool.finish,
-        n_directions: directions.len(),
-        ..SurfaceLabels::default()
-    };
-    for found in found {
-        let without_retreat = found.witness.is_none() && found.is_free;
-        labels.answers.push(found.answer());
-        labels.witness.push(found.witness);
-        labels.open_directions.push(if found.witness.is_some() { 0.0 } else { 1.0 });
-        labels.retreat_unproven.push(without_retreat);
-        labels.stats += SurfaceStats {
-            pairs: frames.len() as u64,
-            tools_tested: found.n_tested,
-            ..SurfaceStats::default()
-        };
-    }
-    labels
-}
-
-/// The results for all sites.
-fn sites(tool: &ProfileTool, contacts: &[Contact], frames: &[Frame]) -> Vec<SiteResult> {
-    if tool.drill.is_some() {
-        return tool.drilled(contacts, frames);
-    }
-    let found = par::map_blocks(contacts.len(), BLOCK, |range| {
-        range.map(|i| tool.milled(&contacts[i], frames)).collect::<Vec<_>>()
-    });
-    found.into_iter().flatten().collect()
-}
-
-/// In which of the directions every site is accessible, and whether the tip alone hinders it.
-pub(in crate::access::surface) fn accessible(
-    tool: &ProfileTool,
-    contacts: &[Contact],
-    directions: &Directions,
-) -> Vec<(Vec<bool>, bool)> {
-    let mut found = vec![(Vec::with_capacity(directions.len()), false); contacts.len()];
-    for frame in Frame::all(directions).chunks(1) {
-        for (site, (accessible, only_tip)) in sites(tool, contacts, frame).iter().zip(&mut found) {
-            accessible.push(site.witness.is_some());
-            *only_tip |= site.only_tip && !site.is_free;
-        }
-    }
-    for (accessible, only_tip) in &mut found {
-        *only_tip &= !accessible.contains(&true);
-    }
-    found
 }

@@ -42,6 +42,16 @@ impl Outline {
         Depth { mm: if self.holds(at) { distance } else { -distance }, toward }
     }
 
+    /// Whether a point in the frame of the tool is in what cuts, grown by a distance.
+    pub fn cuts_within(&self, point: DVec3, grown_by: f64) -> bool {
+        let beside = |piece: &Piece| {
+            let [low, high] = piece.ends.map(|[_, z]| z);
+            (low - grown_by..=high + grown_by).contains(&point.z)
+        };
+        self.pieces.iter().any(|piece| piece.cuts && beside(piece))
+            && self.depth(point).mm >= -grown_by
+    }
+
     /// Whether a place, radius and height, is in the tool.
     fn holds(&self, at: DVec2) -> bool {
         let over = |piece: &&Piece| {

@@ -117,12 +117,13 @@ impl ProfileTool<'_> {
 
     /// The tip of a free pose, pushed from one that is not: along the profile, and where that goes to and fro in more than
     /// a few pushes along the normals of what is penetrated. Between a facet and a rim of the tool these lead sideways.
+    /// `from` is the pose and the normal of the surface that it is to touch; a point of space has none.
     pub(super) fn slide(
         &self,
         n_pushes: usize,
         frame: &Frame,
         site: DVec3,
-        from: (Pose, DVec3),
+        from: (Pose, Option<DVec3>),
         state: &mut State,
     ) -> Option<DVec3> {
         match self.slide_by((Way::Profile, n_pushes), frame, site, from, state) {
@@ -138,7 +139,7 @@ impl ProfileTool<'_> {
         (way, n_pushes): (Way, usize),
         frame: &Frame,
         site: DVec3,
-        (mut pose, normal): (Pose, DVec3),
+        (mut pose, normal): (Pose, Option<DVec3>),
         state: &mut State,
     ) -> Slid {
         let mut pushes = Pushes::default();
@@ -156,8 +157,10 @@ impl ProfileTool<'_> {
             let deepest = self.deepest(frame, tip, state.last, is_enough);
             let Some((place, point, depth)) = deepest else {
                 // The deepest point is found roughly: nothing at all must be penetrated.
-                let touches = self.contacts.normal(&pose).dot(-normal) >= LEAST_COSINE;
-                if !touches || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some() {
+                let touches = |n: DVec3| self.contacts.normal(&pose).dot(-n) >= LEAST_COSINE;
+                if !normal.is_none_or(touches)
+                    || self.first_hit(frame, tip, Form::Whole, &mut state.last).is_some()
+                {
                     return Slid::Closed;
                 }
                 return Slid::Free(tip);

@@ -16,6 +16,7 @@ mod allowance;
 mod drilling;
 mod explain;
 mod search;
+mod space;
 
 fn families() -> Vec<Profile> {
     let deg = f64::to_radians;
@@ -446,10 +447,6 @@ fn what_is_not_computed_of_a_profile_is_refused_by_name() {
     for message in [
         obstacles.label_sites(&sites, &cutter, &up, &usual).unwrap_err().to_string(),
         obstacles.label(&sites, &cutter, &up, &clearance).unwrap_err().to_string(),
-        obstacles
-            .label(Queries::Volume(&sites.points), &cutter, &up, &usual)
-            .unwrap_err()
-            .to_string(),
         access::label(&sites, Obstacles::Queries, &cutter, &up, &Default::default())
             .unwrap_err()
             .to_string(),

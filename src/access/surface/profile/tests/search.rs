@@ -10,6 +10,7 @@ use crate::access::surface::bvh::Bvh;
 use crate::access::surface::chords::Chords;
 use crate::access::surface::query::Scratch;
 use crate::access::surface::tool::{Contact, Stand, axes};
+use crate::cutter::Cutter;
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 
@@ -17,9 +18,52 @@ use proptest::test_runner::TestCaseError;
 const STEP_MM: f64 = 0.1;
 const TURNS: usize = 72;
 
-/// Whether some pose of a dense set that touches about with the normal of the site is free and may be drawn back.
-fn densely(tool: &ProfileTool, contacts: &Contacts, contact: &Contact, frame: &Frame) -> bool {
-    let normal = frame.local(contact.normal.unwrap());
+/// A part that tools are held against.
+pub(super) struct Searched {
+    bvh: Bvh,
+    chords: Chords,
+}
+
+impl Searched {
+    pub fn of(mesh: &Mesh) -> Self {
+        let corners: Vec<[DVec3; 3]> = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
+        Searched { bvh: Bvh::new(&corners), chords: Chords::of(mesh) }
+    }
+
+    pub fn tool(&self, cutter: &Cutter) -> (ProfileTool<'_>, Contacts) {
+        let outline = crate::access::surface::tool::Outline::new(cutter, 0.01);
+        let tolerance = SurfaceOptions::default().tolerance;
+        let tolerances = tolerance.of_triangles(&outline, &self.chords, &self.bvh).unwrap();
+        let profile = cutter.profile().unwrap();
+        let tool = ProfileTool::new(&self.bvh, &tolerances, profile, 0.01);
+        (tool, Contacts::new(profile, 0.01))
+    }
+}
+
+/// A disc with a bore that has a groove.
+pub(super) fn groove() -> Mesh {
+    let section = [
+        [5.0, 0.0],
+        [14.0, 0.0],
+        [14.0, 24.0],
+        [5.0, 24.0],
+        [5.0, 17.0],
+        [7.5, 15.0],
+        [7.5, 11.0],
+        [5.0, 9.0],
+    ];
+    revolved(&section, 40)
+}
+
+/// Whether some pose of a dense set that touches about with the normal of the site, of a point with any, is free and may be
+/// drawn back.
+pub(super) fn densely(
+    tool: &ProfileTool,
+    contacts: &Contacts,
+    contact: &Contact,
+    frame: &Frame,
+) -> bool {
+    let normal = contact.normal.map(|normal| frame.local(normal));
     let n = (contacts.length() / STEP_MM).ceil() as usize;
     let (mut last, mut retracting) = (None, None);
     (0..=n).any(|k| {
@@ -27,7 +71,7 @@ fn densely(tool: &ProfileTool, contacts: &Contacts, contact: &Contact, frame: &F
         (0..TURNS).any(|turn| {
             let angle = TAU * turn as f64 / TURNS as f64;
             let pose = Pose { along, toward: dvec2(angle.cos(), angle.sin()) };
-            if contacts.normal(&pose).dot(-normal) < LEAST_COSINE {
+            if normal.is_some_and(|normal| contacts.normal(&pose).dot(-normal) < LEAST_COSINE) {
                 return false;
             }
             let tip = contact.point - frame.global(contacts.offset(&pose));
@@ -40,19 +84,6 @@ fn densely(tool: &ProfileTool, contacts: &Contacts, contact: &Contact, frame: &F
 
 #[test]
 fn few_sites_are_missed_that_some_pose_reaches() {
-    let groove = revolved(
-        &[
-            [5.0, 0.0],
-            [14.0, 0.0],
-            [14.0, 24.0],
-            [5.0, 24.0],
-            [5.0, 17.0],
-            [7.5, 15.0],
-            [7.5, 11.0],
-            [5.0, 9.0],
-        ],
-        40,
-    );
     let boss =
         revolved(&[[3.0, 0.0], [20.0, 0.0], [20.0, 12.0], [9.0, 12.0], [9.0, 4.0], [3.0, 9.0]], 40);
     let tools = [
@@ -67,10 +98,8 @@ fn few_sites_are_missed_that_some_pose_reaches() {
     })
     .unwrap();
     let (mut n_reached, mut n_missed) = (0, 0);
-    for mesh in [t_slot(), groove, boss] {
-        let corners: Vec<[DVec3; 3]> = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
-        let bvh = Bvh::new(&corners);
-        let chords = Chords::of(&mesh);
+    for mesh in [t_slot(), groove(), boss] {
+        let part = Searched::of(&mesh);
         let all = sites_on(&mesh, 2, |_, _| true);
         let every = all.len().div_ceil(150);
         for profile in &tools {
@@ -78,12 +107,7 @@ fn few_sites_are_missed_that_some_pose_reaches() {
             let holder = [Section::cylinder(30.0, 20.0)];
             let held = Assembly::from_profile(profile.clone(), &holder, 60.0).unwrap();
             let cutter = held.cutter().unwrap();
-            let outline = crate::access::surface::tool::Outline::new(&cutter, 0.01);
-            let tolerance = SurfaceOptions::default().tolerance;
-            let tolerances = tolerance.of_triangles(&outline, &chords, &bvh).unwrap();
-            let profile = cutter.profile().unwrap();
-            let tool = ProfileTool::new(&bvh, &tolerances, profile, 0.01);
-            let contacts = Contacts::new(profile, 0.01);
+            let (tool, contacts) = part.tool(&cutter);
             for i in (0..all.len()).step_by(every) {
                 let point = all.points[i].as_dvec3();
                 let contact = Contact { point, normal: Some(all.normals[i].as_dvec3()) };

@@ -1,0 +1,154 @@
+//! Labels of points of space: whether some pose removes what is there.
+//!
+//! A tool **removes** a point in a pose that is free and has a retreat, if the point is in what cuts, grown by the finish
+//! tolerance. There is no normal that it is to be touched with.
+//!
+//! ```text
+//! poses of sites spread over the part, as labels find them: free, with a retreat
+//! for every point:
+//!     in what cuts of one of them that are near: accessible
+//!     for every direction: the pose with the tip at the point: free, with a retreat: accessible
+//!     for every direction, poses that touch the point with some places of the profile, in some turns about the axis:
+//!         free, with a retreat: accessible
+//!     poses that penetrate least, pushed along the profile as at a site: free, with a retreat: accessible
+//! ```
+//!
+//! To touch the point is enough. A tool that holds it leaves it on its proven retreat, downward along the axis or sideways
+//! across it, in a pose that touches it with what cuts and is free as well.
+//!
+//! Poses that reach sites are those in narrow places, which poses about a point far from all walls do not lead to.
+
+use super::contact::{FEW_PUSHES, PUSHES, REACH};
+use super::frame::Frame;
+use super::label::{Form, ProfileTool, SiteResult, State};
+use super::shallow::{Candidate, Shallow};
+use crate::access::surface::tool::{Contact, Stand};
+use crate::par;
+use crate::spatial::KdTree;
+use glam::DVec3;
+
+/// Sites of the part whose poses are tried at every point.
+pub(super) const N_SITES: usize = 4000;
+/// Of these poses so many are tried, whose middles are nearest to the point.
+const N_NEAR: usize = 64;
+/// Points per task.
+const BLOCK: usize = 32;
+/// Distances beyond the finish tolerance that are rounding, mm.
+const ROUNDING_MM: f64 = 1e-9;
+
+/// A pose that is free.
+struct Free {
+    tip: DVec3,
+    frame: Frame,
+    has_retreat: bool,
+}
+
+/// Free poses at sites.
+struct Known {
+    poses: Vec<Free>,
+    /// Of the middles of what cuts.
+    tree: KdTree,
+}
+
+impl ProfileTool<'_> {
+    /// Answers for points of space, about a part with these sites.
+    pub(super) fn in_space(
+        &self,
+        points: &[Contact],
+        sites: &[Contact],
+        frames: &[Frame],
+    ) -> Vec<SiteResult> {
+        let known = self.known(sites, frames);
+        let found = par::map_blocks(points.len(), BLOCK, |range| {
+            range.map(|i| self.at_point(&known, points[i].point, frames)).collect::<Vec<_>>()
+        });
+        found.into_iter().flatten().collect()
+    }
+
+    /// The poses that reach sites; where none does, the last that is free.
+    fn known(&self, sites: &[Contact], frames: &[Frame]) -> Known {
+        let found = par::map_blocks(sites.len(), BLOCK, |range| {
+            let free = |i: usize| {
+                let found = self.milled(&sites[i], frames);
+                let frame = Frame::along(found.last_free_direction);
+                let has_retreat = found.witness.is_some();
+                found.is_free.then_some(Free { tip: found.last_free, frame, has_retreat })
+            };
+            range.filter_map(free).collect::<Vec<_>>()
+        });
+        let poses: Vec<Free> = found.into_iter().flatten().collect();
+        let middle = DVec3::Z * (0.5 * self.flutes);
+        let middles = poses.iter().map(|pose| pose.tip + pose.frame.global(middle));
+        let tree = KdTree::build(&middles.collect::<Vec<_>>());
+        Known { poses, tree }
+    }
+
+    fn at_point(&self, known: &Known, point: DVec3, frames: &[Frame]) -> SiteResult {
+        let Known { poses, tree } = known;
+        let farthest = self.radius.hypot(0.5 * self.flutes) + self.finish();
+        let mut is_free = false;
+        for (_, k) in tree.k_nearest_within(point, N_NEAR, farthest, |_| true) {
+            let pose = &poses[k as usize];
+            let local = Stand { reference: pose.tip, axes: pose.frame.axes }.local(point);
+            if !self.outline.cuts_within(local, self.finish() + ROUNDING_MM) {
+                continue;
+            }
+            if pose.has_retreat {
+                let found = SiteResult { is_free: true, last_free: pose.tip, ..Default::default() };
+                return found.with_witness(pose.frame.direction, &State::default());
+            }
+            is_free = true;
+        }
+        let found = self.searched(point, frames);
+        SiteResult { is_free: found.is_free || is_free, ..found }
+    }
+
+    /// The answer for a point by a search over poses about it. *Tip does not fit* is about the poses with the tip at the point, if no pose is free.
+    pub(super) fn searched(&self, point: DVec3, frames: &[Frame]) -> SiteResult {
+        let (mut state, mut found) = (State::default(), SiteResult::default());
+        for frame in frames {
+            state.n_tested += 1;
+            match self.first_hit(frame, point, Form::Whole, &mut state.last) {
+                None if self.retracts(frame, point, &mut state, &mut found) => {
+                    return found.with_witness(frame.direction, &state);
+                }
+                Some((_, hit)) if hit.cuts && !found.only_tip => {
+                    found.only_tip = self.only_cutting_penetrates(frame, point, &mut state);
+                }
+                _ => {}
+            }
+        }
+        let (mut shallow, mut suggested) = (Shallow::along(frames.len()), Shallow::suggested());
+        for (k, frame) in frames.iter().enumerate() {
+            let is_removed = self.contacts.for_each_around(|pose| {
+                let tip = self.tip(frame, point, &pose);
+                state.n_tested += 1;
+                let Some((place, hit)) = self.first_hit(frame, tip, Form::Whole, &mut state.last)
+                else {
+                    return self.retracts(frame, tip, &mut state, &mut found);
+                };
+                let tolerance = self.shrunk(place).tolerance;
+                let depth = self.outline.depth(hit.point).mm - tolerance;
+                if depth <= REACH * self.contacts.freedom(&pose, tolerance + self.finish()) {
+                    let among = if frame.is_suggested { &mut suggested } else { &mut shallow };
+                    among.add(Candidate { depth, k, pose });
+                }
+                false
+            });
+            if is_removed {
+                return found.with_witness(frame.direction, &state);
+            }
+        }
+        let [first, after] = Shallow::in_turns([suggested, shallow]);
+        for (candidates, pushes) in [(first, PUSHES), (after, FEW_PUSHES)] {
+            for Candidate { k, pose, .. } in candidates {
+                let frame = &frames[k];
+                let tip = self.slide(pushes, frame, point, (pose, None), &mut state);
+                if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
+                    return found.with_witness(frame.direction, &state);
+                }
+            }
+        }
+        found.tested(&state)
+    }
+}
