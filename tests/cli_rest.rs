@@ -132,6 +132,28 @@ fn nothing_left_is_zero_and_machining_twice_adds_nothing() {
 }
 
 #[test]
+fn tools_of_any_profile_machine_and_drills_are_left_out_by_name() {
+    let folder = Folder::new();
+    let part = angle(&folder);
+    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
+    let held =
+        ["--holder", &holder, "--stick-out", "40", "--directions", "up", "--accuracy", "0.3"];
+    let run = |tools: &str, out: &str| {
+        let tools = folder.file("tools.csv", format!("name,profile\n{tools}"));
+        let args = ["machined", &part, "--tools", &tools, "--out", &folder.path(out)];
+        deepmill(&[&args[..], &held, &["--json"]].concat())
+    };
+    let output = run("ball,0:0 3:3@0:3 3:30 | 3:60\nhole 6,drill 0:0 3:2 3:40 | 3:60\n", "both");
+    let by_hand = (1.0 - PI / 4.0) * 9.0 * 30.0;
+    let left = json(&output)["left_mm3"].as_f64().unwrap();
+    assert!((left - by_hand).abs() < 0.3 * 0.3 * 6.0 * 30.0, "{left} {by_hand}");
+    let said = text(&output.stderr);
+    assert!(said.contains("left out: hole 6: what drills and reamers remove"), "{said}");
+    let alone = failure(&run("hole 6,drill 0:0 3:2 3:40 | 3:60\n", "alone"), 2);
+    assert!(alone.contains("hole 6") && alone.contains("a tool that mills"), "{alone}");
+}
+
+#[test]
 fn the_machined_part_is_closed_and_holds_the_fillet() {
     let folder = Folder::new();
     let (part, out) = (angle(&folder), folder.path("out"));
@@ -252,12 +274,6 @@ fn stocks_accuracies_and_tools_that_cannot_be_are_named_with_a_remedy() {
         deepmill(&[&["machined", &part, "--out", &out, "--accuracy", "0.0001"][..], &UP].concat());
     let error = failure(&huge, 1);
     assert!(error.contains("coarser accuracy"), "{error}");
-    let table = "name,profile,stick_out\nslot,10.9:0 10.9:7.9 5:7.9 | 5:100,60\n";
-    let table = folder.file("tools.csv", table);
-    let holder = folder.file("holder.csv", "height,lower,upper\n30,40,40\n");
-    let tools = ["--out", &out, "--tools", &table, "--holder", &holder];
-    let error = failure(&deepmill(&[&["machined", &part][..], &tools].concat()), 2);
-    assert!(error.contains("slot"), "{error}");
     let points = ["label", &part, "--out", &out, "--rest", "--obstacles", "published"];
     let error = failure(&deepmill(&[&points[..], &UP].concat()), 2);
     assert!(error.contains("--rest"), "{error}");

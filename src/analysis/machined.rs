@@ -9,7 +9,7 @@ use super::setups::SetupRequest;
 use super::write::Files;
 use crate::access::setups::Setup;
 use crate::access::surface::{Job, Machined, RestBody, TriangleObstacles};
-use crate::cutter::Cutter;
+use crate::cutter::{Cutter, Profile};
 use crate::data::files::settings::Blocking;
 use crate::data::files::tools::Tool;
 use crate::directions::{DirectionSet, Directions};
@@ -60,8 +60,8 @@ impl Analysis {
     /// other, each with its tool axes, and what the later ones remove is in the way before. See `docs/rest.md`.
     ///
     /// # Errors
-    /// If the part is no closed mesh, the stock does not contain it, there are no tools, one is given by a profile or
-    /// too thin for the accuracy, there are both fixtures and setups, the lattice would not fit into the memory, or the
+    /// If the part is no closed mesh, the stock does not contain it, there are no tools but drills, one is too thin for the
+    /// accuracy, there are both fixtures and setups, the lattice would not fit into the memory, or the
     /// observer stops it.
     #[doc(hidden)] // of the program
     pub fn machine(
@@ -87,18 +87,18 @@ impl Analysis {
         }
         let planned = setups.map(|request| self.clone().setups_of(request, observer));
         let Analysis { request, shape, directions, .. } = self;
-        let Request { part: name, tools, fixtures, table_z_mm, mut options, .. } = request;
+        let Request { part: name, mut tools, fixtures, table_z_mm, mut options, .. } = request;
         let MeshOrCloud::Mesh(part) = shape else {
             let remedy = "give a mesh: of a cloud it is unknown what is inside";
             return Err(Error::argument("part", name, "a mesh", remedy));
         };
+        let is_drill = |tool: &Tool| tool.cutter.profile().is_some_and(Profile::is_drill);
+        let drills = tools.extract_if(.., |tool| is_drill(tool)).map(|tool| tool.name);
+        let drills: Vec<String> = drills.collect();
         if tools.is_empty() {
-            return Err(Error::argument("tools", "none", "one or more", "name a tool"));
-        }
-        if let Some(tool) = tools.iter().find(|tool| tool.cutter.profile().is_some()) {
-            let found = format!("{}, given by its profile", tool.name);
-            let remedy = "leave it out: what it removes is not computed";
-            return Err(Error::argument("tools", found, "tools given by lengths", remedy));
+            let found = if drills.is_empty() { "none".into() } else { drills.join(", ") };
+            let remedy = "name a tool that mills: drills and reamers are left out";
+            return Err(Error::argument("tools", found, "one or more", remedy));
         }
         let (names, setups) = match planned.transpose()? {
             None => (Vec::new(), vec![or_usual(directions, Blocking::Part)?]),
@@ -139,6 +139,11 @@ impl Analysis {
         let start = Instant::now();
         let rest = all_of(&machined.bodies);
         let mut notices: Vec<String> = without_area(&obstacles).into_iter().collect();
+        if !drills.is_empty() {
+            let names = drills.join(", ");
+            notices
+                .push(format!("left out: {names}: what drills and reamers remove is not computed"));
+        }
         let mut mesh = part.clone();
         if !machined.bodies.is_empty() {
             match bodies::union(&part, &rest) {

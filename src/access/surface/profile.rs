@@ -46,6 +46,7 @@
 //! A drill or a reamer cuts along its axis alone, in bores of its own diameter: `drilling` finds these in sections of the
 //! part, and what of them the tool reaches.
 
+mod aside;
 mod axes;
 mod balls;
 mod bands;
@@ -71,6 +72,7 @@ mod space;
 mod tests;
 mod underside;
 
+pub(super) use aside::AsidePose;
 pub(super) use clear::Push;
 pub(super) use depth::{Ladder, PartHeights};
 pub(super) use frame::Frame;

@@ -244,6 +244,29 @@ impl Grid {
         self.blocks = blocks;
     }
 
+    /// Raises the nodes to how far they are in what is removed: `about` is given the middle of a block and the distance of
+    /// its corners from there, mm, and returns what computes that of a point, at least about the one and up to the other of
+    /// two numbers.
+    pub fn raise_about<F: Fn(DVec3, [f64; 2]) -> f64>(
+        &mut self,
+        about: impl Fn(DVec3, f64) -> F + Sync,
+    ) {
+        let (done, lattice, n_blocks) = (self.done(), &self.lattice, self.n_blocks);
+        let half = 0.5 * (SIDE - 1) as f64 * lattice.step_mm;
+        par::for_each_block(&mut self.blocks, TASK, |task, blocks| {
+            for (k, block) in blocks.iter_mut().enumerate().filter(|(_, block)| block.n_open > 0) {
+                let first = corner(n_blocks, task * TASK + k);
+                let depth = about(lattice.at(first) + half, half * 3f64.sqrt());
+                for node in nodes(&block.open.clone()) {
+                    let at = lattice.at(add(first, within(node)));
+                    let above = depth(at, [block.above[node], done].map(f64::from)) as f32;
+                    block.above[node] = block.above[node].max(above.min(done));
+                }
+                block.settle(done);
+            }
+        });
+    }
+
     fn frame(&self, block: usize, heights: &Heights) -> Frame {
         let (view, step) = (&heights.view, self.lattice.step_mm);
         let first = corner(self.n_blocks, block);

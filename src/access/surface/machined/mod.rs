@@ -29,6 +29,7 @@
 //! 3. **Discs by windows.** For a disc, one image has the greatest height of 2ᵏ pixels of a row: two of these hold a
 //!    row of the disc.
 
+mod aside;
 mod bodies;
 mod footprint;
 mod grid;

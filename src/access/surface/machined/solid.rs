@@ -3,15 +3,16 @@
 use super::super::SurfaceOptions;
 use super::super::cells::Domain;
 use super::super::obstacles::{TriangleObstacles, tested};
-use super::super::profile::Frame;
+use super::super::profile::{Frame, ProfileTool, Underside};
 use super::super::tool::Outline;
+use super::aside::Aside;
 use super::bodies::{Nodes, RestBody};
 use super::footprint::Footprint;
 use super::grid::Grid;
 use super::heights::{BLOCK, Buffers, Heights};
 use super::swept::Swept;
 use super::view::View;
-use crate::cutter::{Cutter, require_steps};
+use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Mesh;
 use crate::geom::inside::Lattice;
@@ -58,7 +59,7 @@ impl TriangleObstacles {
     /// `report` is given how much is done, and may stop it.
     ///
     /// # Errors
-    /// As [`TriangleObstacles::label`]; if a tool is given by a profile, the part or the stock has no inside, or the
+    /// As [`TriangleObstacles::label`]; if the part or the stock has no inside, or the
     /// lattice would not fit into the memory; those of `report`.
     #[doc(hidden)] // of `analysis`
     pub fn machine(
@@ -77,6 +78,7 @@ impl TriangleObstacles {
             .iter()
             .map(|cutter| self.tool(cutter, pitch, options))
             .collect::<Result<_>>()?;
+        let part = &self.triangles[..self.chords.len()];
         let setups: Vec<Vec<Frame>> =
             setups.iter().map(|of| self.frames(of, options)).collect::<Result<_>>()?;
         let region = tools.iter().map(|tool| self.region(job.stock_box, &tool.outline));
@@ -86,9 +88,14 @@ impl TriangleObstacles {
         let (mut alone_mm3, mut after_mm3) = (Vec::new(), Vec::new());
         let (mut n_rounds, n_setups) = (0, setups.len());
         for (k, frames) in setups.iter().enumerate() {
+            let aside = tools.iter().map(|tool| {
+                let any = tool.any.as_ref()?;
+                Some(Aside::new(any, part, frames, job.accuracy_mm))
+            });
             let pass = Pass {
                 obstacles: self,
                 tools: &tools,
+                aside: aside.collect(),
                 fresh: &grid,
                 each_alone: n_setups == 1,
                 order: &spread(frames.len()),
@@ -118,8 +125,7 @@ impl TriangleObstacles {
         Ok(Frame::tested((&tested(directions)?, domain), &self.bvh))
     }
 
-    fn tool(&self, cutter: &Cutter, pitch: f64, options: &SurfaceOptions) -> Result<Tool> {
-        require_steps(cutter.profile(), "leave it out: what it removes is not computed")?;
+    fn tool(&self, cutter: &Cutter, pitch: f64, options: &SurfaceOptions) -> Result<Tool<'_>> {
         let outline = Outline::new(cutter, options.finish_mm);
         let tolerances = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?;
         let shrink = pitch * std::f64::consts::FRAC_1_SQRT_2 + tolerances.least;
@@ -130,15 +136,22 @@ impl TriangleObstacles {
             let remedy = "choose a finer accuracy, or leave the tool out";
             return Err(Error::argument("accuracy", found, expected, remedy));
         }
-        let footprint = Footprint::new(&outline, shrink, pitch);
-        Ok(Tool { outline, footprint })
+        let Some(profile) = cutter.profile() else {
+            let footprint = Footprint::new(&outline, shrink, pitch);
+            return Ok(Tool { outline, footprint, any: None });
+        };
+        let footprint = Footprint::of_profile(Underside::new(profile, shrink), pitch);
+        let any = ProfileTool::new(&self.bvh, &tolerances, profile, options.finish_mm);
+        Ok(Tool { outline, footprint, any: Some(any) })
     }
 }
 
 /// What is the same in every round.
 struct Pass<'a> {
     obstacles: &'a TriangleObstacles,
-    tools: &'a [Tool],
+    tools: &'a [Tool<'a>],
+    /// Of tools given by their profile.
+    aside: Vec<Option<Aside<'a>>>,
     /// What is not removed yet.
     fresh: &'a Grid,
     /// Whether what each tool leaves alone is wanted.
@@ -224,7 +237,11 @@ impl Pass<'_> {
             }
             let points = Nodes::new(&found.grid, &self.obstacles.bvh).points(&found.grid);
             let is_last = points == rest || round == MOST_ROUNDS;
-            if is_last || !self.may_meet(&found.stops, &points) {
+            let may_meet = || {
+                let mut aside = self.aside.iter().flatten();
+                self.may_meet(&found.stops, &points) || aside.any(|aside| aside.may_meet(&points))
+            };
+            if is_last || !may_meet() {
                 found.alone_mm3 = alone_mm3;
                 return Ok((found, round));
             }
@@ -243,7 +260,7 @@ impl Pass<'_> {
         let buffers = Buffers::default();
         let mut all: Option<Grid> = None;
         let (mut alone_mm3, mut after_mm3, mut stops) = (Vec::new(), Vec::new(), Vec::new());
-        for tool in self.tools {
+        for (tool, aside) in self.tools.iter().zip(&self.aside) {
             // What each leaves alone is of the first round; after it, tools go on with what others have left.
             let mut grid = match all.take() {
                 Some(others) if !self.each_alone || !rest.is_empty() => others,
@@ -272,6 +289,9 @@ impl Pass<'_> {
                     upper.into_iter().for_each(|upper| upper.recycle(&buffers));
                 }
                 heights.recycle(&buffers);
+            }
+            if let Some(aside) = aside {
+                aside.raise(&mut grid, rest);
             }
             stops.push(of_tool);
             if self.each_alone && rest.is_empty() {
@@ -308,9 +328,11 @@ impl Pass<'_> {
     }
 }
 
-struct Tool {
+struct Tool<'a> {
     outline: Outline,
     footprint: Footprint,
+    /// Of a tool given by its profile.
+    any: Option<ProfileTool<'a>>,
 }
 
 /// The nodes of the stock's box, with one more beyond each face.

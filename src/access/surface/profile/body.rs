@@ -165,6 +165,16 @@ impl Body {
         radii.fold(0.0, f64::max)
     }
 
+    /// Greatest radius at a height and below, mm; 0 where there is nothing.
+    pub fn radius_below(&self, height: f64) -> f64 {
+        let below = self.elements.iter().take_while(|element| element.low <= height);
+        let radii = below.map(|element| match element.high <= height {
+            true => element.most,
+            false => element.curve.radius_at(height).max(element.curve.radius_at(element.low)),
+        });
+        radii.fold(0.0, f64::max)
+    }
+
     /// The elements that do not cut.
     pub fn non_cutting(&self) -> Body {
         let non_cutting = self.elements.iter().filter(|element| !element.cuts);

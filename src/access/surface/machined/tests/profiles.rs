@@ -3,7 +3,7 @@
 use super::super::profile::AnyTool;
 use super::*;
 use crate::access::surface::profile::ProfileTool;
-use crate::cutter::{Assembly, Profile, Section};
+use crate::cutter::{Assembly, Profile, Section, TipShape};
 
 /// In a holder far above.
 fn held(profile: Profile) -> Cutter {
@@ -223,4 +223,65 @@ fn dense_of_any(any: &AnyTool, line: &Line, frame: &Frame, (below, step): (f64, 
             })
         })
     })
+}
+
+/// From above: an end mill makes the slot and the middle of what is below. Behind each lip 5 mm are left, of which a
+/// cutter of radius 6 on a neck of radius 3 reaches 3.
+#[test]
+fn a_t_slot_cutter_machines_below_the_lips_what_an_end_mill_leaves() {
+    let mesh = t_slotted();
+    let up = Directions::up();
+    let end_mill = held("4:0 4:40 | 4:60".parse().unwrap());
+    let t_slot = held(Profile::t_slot(6.0, 4.0, 0.0, 3.0).unwrap());
+    let [below, reached] = [5.0, 3.0].map(|wide| 2.0 * wide * 8.0 * 60.0);
+    for accuracy in [0.5, 0.3] {
+        let near =
+            |found: f64, expected: f64| (found - expected).abs() < 0.15 * accuracy * expected;
+        let found = machine(&mesh, &[&end_mill], &up, accuracy);
+        assert!(near(left(&found), below), "{}", left(&found));
+        let found = machine(&mesh, &[&end_mill, &t_slot], &up, accuracy);
+        assert!(near(left(&found), below - reached), "{}", left(&found));
+        // The order of tools does not matter for what is left in the end.
+        let other = machine(&mesh, &[&t_slot, &end_mill], &up, accuracy);
+        assert!((left(&other) - left(&found)).abs() < 1e-6 * left(&found));
+        // Too high, or with a neck that does not fit.
+        for wrong in [Profile::t_slot(6.0, 8.2, 0.0, 3.0), Profile::t_slot(6.0, 4.0, 0.0, 5.2)] {
+            let found = machine(&mesh, &[&end_mill, &held(wrong.unwrap())], &up, accuracy);
+            assert!(left(&found) > below - 0.2 * reached, "{}", left(&found));
+        }
+    }
+}
+
+#[test]
+fn a_neck_does_not_pass_through_what_is_left_of_the_slot() {
+    // Alone, the cutter is as wide as the slot is not: what is above stays, and its neck would be in that.
+    let (mesh, up) = (t_slotted(), Directions::up());
+    let t_slot = held(Profile::t_slot(6.0, 4.0, 0.0, 3.0).unwrap());
+    let found = machine(&mesh, &[&t_slot], &up, 0.5);
+    let [slot, below] = [10.0 * 12.0 * 60.0, 20.0 * 8.0 * 60.0];
+    // Removed in the first round, but for the walls: not so with the slot in the way.
+    assert!(found.alone_mm3[0] < slot + 0.3 * below, "{}", found.alone_mm3[0]);
+    assert!(found.n_rounds > 1 && left(&found) > 0.85 * (slot + below), "{}", left(&found));
+}
+
+#[test]
+fn a_profile_that_only_widens_machines_what_its_lengths_do() {
+    let mesh = pocket();
+    let directions = Directions::fibonacci_hemisphere(20).unwrap();
+    for (profile, tip) in [
+        ("0:0 2:2@0:2 2:9 | 2:60", [2.0, 0.0]),
+        ("3:0 3:9 | 3:60", [0.0, 3.0]),
+        ("2:0 3:1@2:1 3:9 | 3:60", [1.0, 2.0]),
+    ] {
+        let [corner_mm, side] = tip;
+        let radius = corner_mm + side;
+        let holder = [Section { length_mm: 30.0, lower_radius_mm: 20.0, upper_radius_mm: 20.0 }];
+        let tip = TipShape::Straight { radius_mm: radius, corner_mm };
+        let body = [Section::cylinder(9.0, radius), Section::cylinder(60.0, radius)];
+        let lengths = Assembly::new(tip, &body, &holder, 50.0).unwrap().with_flutes(9.0).unwrap();
+        let cutters = [held(profile.parse().unwrap()), lengths.cutter().unwrap()];
+        let [found, expected] =
+            cutters.map(|cutter| left(&machine(&mesh, &[&cutter], &directions, 0.5)));
+        assert!((found - expected).abs() <= 0.01 * expected + 0.5, "{profile}: {found} {expected}");
+    }
 }
