@@ -194,3 +194,24 @@ fn an_undercut_names_the_axes_that_reach_it() {
     let findings = result["findings"]["findings"].as_array().unwrap();
     assert!(findings.iter().all(|finding| opens(finding).is_empty()));
 }
+
+#[test]
+fn a_page_that_is_drawn_again_is_that_of_the_labels() {
+    let folder = Folder::new();
+    let (part, out) = (grooved(&folder, 20.0, 8.0), folder.path("out"));
+    let tools = folder.file("two.csv", "name,CR,CH,FR,FH\nD6,3,14,20,30\nD2,1,12,20,30\n");
+    let label = ["label", &part, "--out", &out, "--sites", "800", "--no-picture", "--report"];
+    let page = || std::fs::read(folder.path("out/report.html")).unwrap();
+    for more in [
+        &["--cutter", "3,14,20,30", "--table", "-1"][..],
+        &["--cutter", "3,14,20,30", "--rest", "--only", "box:0,0,0,20,30,20"],
+        &["--tools", &tools, "--directions", "up"],
+    ] {
+        assert!(deepmill(&[&label[..], more].concat()).status.success());
+        let written = page();
+        std::fs::remove_file(folder.path("out/report.html")).unwrap();
+        let again = deepmill(&["report", &out]);
+        assert!(again.status.success(), "{}", text(&again.stderr));
+        assert!(page() == written, "{more:?}");
+    }
+}

@@ -6,8 +6,6 @@ use crate::access::surface::{
     PartChange, PartLength, SiteAnswer, SurfaceOptions, TriangleObstacles,
 };
 use crate::cutter::Assembly;
-use crate::data::files::LabelFile;
-use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::Tool;
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites};
@@ -16,7 +14,6 @@ use crate::report::findings::{
 };
 use crate::{Result, par};
 use glam::Vec3;
-use std::path::Path;
 
 /// Findings that are shown in words, and for which a change of the tool is looked for.
 pub const N_SHOWN: usize = 6;
@@ -222,46 +219,4 @@ fn least_changes(all: Vec<(Option<&str>, PartChange)>) -> Vec<(Option<&str>, Par
     let mut left: Vec<_> = all.iter().filter(is_chosen).copied().collect();
     left.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
     left
-}
-
-/// Labels that were read, of one tool.
-#[doc(hidden)] // of the program
-pub struct Read<'a> {
-    /// The tool, where there are others.
-    pub name: &'a str,
-    /// The labels.
-    pub file: &'a LabelFile,
-    /// Where they were read; the surface and fixtures lie beside them.
-    pub path: &'a Path,
-}
-
-/// Adds what helps to the findings of labels that were read, of one tool or of several: those that no tool reaches.
-/// Nothing is added if the files do not state what is needed, as those of older versions. `mesh` is the surface, if it
-/// is known.
-///
-/// # Errors
-/// As [`TriangleObstacles::label`].
-#[doc(hidden)] // of the program
-pub fn advise_again(findings: &mut Findings, all: &[Read], mesh: Option<&Mesh>) -> Result<()> {
-    let tools = all.iter().map(|of| LabelQuery::tool_of(of.file, of.path).ok());
-    let Some(tools) = tools.collect::<Option<Vec<Tool>>>() else { return Ok(()) };
-    let accessible: Vec<_> = all.iter().map(|of| of.file.labels.answers.accessible()).collect();
-    let chosen = if all.len() == 1 { vec![0] } else { advised(&tools, &accessible) };
-    let query = |&k: &usize| {
-        let read = |mesh: Option<&Mesh>| LabelQuery::of_file(all[k].file, all[k].path, mesh);
-        read(mesh).or_else(|_| read(None)).ok()
-    };
-    let Some(queries) = chosen.iter().map(query).collect::<Option<Vec<LabelQuery>>>() else {
-        return Ok(());
-    };
-    let name = |k: usize| (all.len() > 1).then_some(all[k].name);
-    let of: Vec<Advised> = chosen.iter().map(|&k| (name(k), &tools[k].assembly)).collect();
-    advise(findings, &of, |k, members| {
-        Ok((queries[k].change_for(members)?, queries[k].part_changes(members)?))
-    })?;
-    let Some((first, triangles)) = queries.first().and_then(|q| Some((q, q.triangles()?))) else {
-        return Ok(());
-    };
-    let by = (&first.directions, &first.options);
-    add_openings(findings, &first.file.sites, &tools, triangles, by)
 }

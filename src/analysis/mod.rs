@@ -49,7 +49,7 @@ mod write;
 #[doc(hidden)] // of the program
 pub use clamping::Vise;
 #[doc(hidden)] // of the program
-pub use findings::{N_SHOWN, Read, advise_again, findings_of_tools};
+pub use findings::{N_SHOWN, findings_of_tools};
 pub use fixtures::Fixture;
 #[doc(hidden)] // of the program
 pub use fixtures::KeptOut;

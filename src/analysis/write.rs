@@ -125,6 +125,34 @@ impl Outcome {
         Ok(paths)
     }
 
+    /// Draws what was read from a folder again: of one tool its pictures and colored points, of any number the page.
+    /// Names of findings, and what a baseline made of them, are those that the folder has. Returns the paths.
+    ///
+    /// # Errors
+    /// If the system refuses a file.
+    #[doc(hidden)] // of the program
+    pub fn draw_again(
+        mut self,
+        from: &Path,
+        to: &Path,
+        unit: Unit,
+    ) -> Result<(Self, Vec<PathBuf>)> {
+        for k in 0..self.answers.len() {
+            let of_tool = from.join(self.tools()[k].folder());
+            let beside = if self.has_folders() { of_tool } else { from.into() };
+            self.answers[k].findings.take_ids(&beside);
+        }
+        self.of_all.iter_mut().for_each(|findings| findings.take_ids(from));
+        let mut paths = Vec::new();
+        if !self.has_folders() {
+            let ((mesh, _), outlines) = (self.shown(), &self.placed.outlines()[..]);
+            let (file, scene) = (self.file(0)?, Scene { mesh, outlines });
+            paths.extend(folder::draw_labels(to, &file, scene, Show::Pictures)?);
+        }
+        paths.push(self.with_page(unit, |page| page.write(to))?);
+        Ok((self, paths))
+    }
+
     /// The tabs of the page: of several tools one of all of them, then one of each.
     fn views(&self) -> Result<Vec<View>> {
         let mut views = Vec::new();

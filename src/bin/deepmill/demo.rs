@@ -4,7 +4,7 @@ use crate::output::Output;
 use crate::{progress, report};
 use deepmill::access::surface::SurfaceOptions;
 use deepmill::access::{LabelOptions, Obstacles, label};
-use deepmill::analysis::Analysis;
+use deepmill::analysis::{Analysis, Files, Outcome};
 use deepmill::answers::Definition;
 use deepmill::cutter::{Cutter, CutterParams, CutterSet};
 use deepmill::data::files::settings::Blocking;
@@ -73,7 +73,8 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
 
     let (model, name, train_s) = network(args, &directions, output)?;
     let definition = model.definition.unwrap_or(Definition::Sites);
-    let (labels, sites_s, labels_s) = exact(&mesh, params, &directions, definition)?;
+    let outcome = exact(&mesh, params, &directions, definition)?;
+    let (labels, [sites_s, labels_s, _]) = (outcome.file(0)?, outcome.seconds());
     output.say(format!(
         "{N_SITES} sites in {sites_s:.2} s, exact labels over {N_DIRECTIONS} directions in {labels_s:.3} s."
     ));
@@ -86,7 +87,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let predictions = PredictionFile::new(provenance, sites, prediction);
     let predict_s = start.elapsed().as_secs_f64();
     let result = say((&labels, &predictions), definition, (labels_s, train_s, predict_s), output);
-    let paths = write(args, folder, &mesh, (&labels, &predictions), output)?;
+    let paths = write(args, folder, (&outcome, &labels, &predictions), output)?;
     output.say(
         "labels.* are the exact answers, predictions.* the network's, difference* where they part;",
     );
@@ -135,15 +136,13 @@ fn say(
 fn write(
     args: &Args,
     folder: &Path,
-    mesh: &Mesh,
-    (labels, predictions): (&LabelFile, &PredictionFile),
+    (outcome, labels, predictions): (&Outcome, &LabelFile, &PredictionFile),
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
-    let (shown, surface) = (Show::Pictures, Some(mesh));
-    let mut paths = folder::write_labels(folder, labels, surface.into(), shown)?;
+    let (shown, surface) = (Show::Pictures, outcome.mesh());
+    let mut paths = outcome.write(folder, &Files::shown(false), &mut ())?;
     paths.extend(folder::write_predictions(folder, predictions, surface, shown)?);
     paths.extend(folder::write_difference(folder, labels, predictions, surface, shown)?);
-    paths.push(folder::write_surface(folder, mesh)?);
     if args.report {
         let exact = Some((labels, &*folder.join(LABELS)));
         let to = (folder, output.unit());
@@ -181,7 +180,7 @@ fn exact(
     params: CutterParams,
     directions: &Directions,
     definition: Definition,
-) -> Result<(LabelFile, f64, f64)> {
+) -> Result<Outcome> {
     let options = SiteOptions::default().with_n_sites(N_SITES).with_seed(SEED);
     let blocking = match definition.is_by_mesh() {
         true => Blocking::Part,
@@ -193,9 +192,7 @@ fn exact(
         .obstacles(blocking)
         .options(SurfaceOptions::default())
         .published(LabelOptions::default());
-    let outcome = analysis.run(&mut ())?;
-    let [sites_s, labels_s, _] = outcome.seconds();
-    Ok((outcome.file(0)?, sites_s, labels_s))
+    analysis.run(&mut ())
 }
 
 fn training_samples(directions: &Directions) -> Result<Vec<Sample>> {

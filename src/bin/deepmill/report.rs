@@ -5,9 +5,7 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use crate::progress;
 use crate::status;
-use deepmill::analysis::{
-    Files, Read, SetupsOutcome, advise_again, findings_of_tools, take_region,
-};
+use deepmill::analysis::{Files, Outcome, SetupsOutcome, findings_of_tools, take_region};
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::require_surface;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
@@ -17,9 +15,9 @@ use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
 use deepmill::report::Scene;
 use deepmill::report::coverage::{self, Shares};
-use deepmill::report::findings::{Findings, for_all_tools};
+use deepmill::report::findings::Findings;
 use deepmill::report::folder::{
-    self, FIRST_TOOLS, FIXTURES, LABELS, PREDICTIONS, REGION, SETUPS, SURFACE, Show,
+    self, FIRST_TOOLS, FIXTURES, LABELS, OUTCOME, PREDICTIONS, REGION, SETUPS, SURFACE, Show,
 };
 use deepmill::report::gate::SiteAreas;
 use deepmill::report::outlines::outlines;
@@ -55,14 +53,13 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, output: &Output) -> Result<()> {
-    if args.compare.is_none()
-        && let Some(tools) = coverage::labeled_tools(&args.results)?
-    {
-        return several(args, tools, output);
-    }
-    let has = |name: &str| args.results.join(name).exists();
+    let has = |name: &str| args.results.join(name).is_file();
     if args.compare.is_none() && has(SETUPS) && !has(LABELS) && !has(PREDICTIONS) {
         return of_setups(args, output);
+    }
+    let several = coverage::labeled_tools(&args.results)?.is_some();
+    if args.compare.is_none() && (several || has(OUTCOME) && !has(PREDICTIONS)) {
+        return of_outcome(args, output);
     }
     let found = Found::search(args)?;
     let status = args.compare.as_deref().filter(|path| status::is_status(path));
@@ -79,16 +76,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let scene = Scene { mesh: mesh.as_ref(), outlines: &outlines };
     let working = progress::working("drawing");
     let mut paths = Vec::new();
-    let mut shares = Table::new(&[
-        ("source", "answers"),
-        ("part", "part"),
-        ("cutter", "cutter"),
-        ("n_sites", "sites"),
-        ("accessible", "accessible"),
-        ("inaccessible", "inaccessible"),
-        ("tip_does_not_fit", "tip does not fit"),
-        ("occlusion", "occlusion"),
-    ]);
+    let mut shares = shares();
     if let Some(file) = &labels {
         paths.extend(folder::draw_labels(out, file, scene, Show::Pictures)?);
         let of_mesh = file.labels.surface.is_some();
@@ -135,14 +123,13 @@ pub fn page(
 ) -> Result<PathBuf> {
     let mut views = Vec::new();
     if let Some((file, path)) = labels {
-        let mut found = findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?;
         let beside = path.parent().unwrap_or(Path::new(""));
+        let recorded = recorded(path)?.map(|(outcome, k)| outcome.answers()[k].findings.clone());
+        let mut found = match recorded {
+            Some(found) => vec![found],
+            None => findings_of_tools(&file.sites, mesh, &[""], &[&file.labels])?,
+        };
         found.iter_mut().for_each(|found| found.take_ids(beside));
-        if let [found] = &mut found[..] {
-            // The surface in memory may be that of a region.
-            let own = mesh.filter(|_| file.provenance.settings.region.is_none());
-            advise_again(found, &[Read { name: "", file, path }], own)?;
-        }
         let tabs = |found| View::tabs_of_labels("exact", file, found);
         views.extend(found.into_iter().flat_map(tabs));
     }
@@ -163,60 +150,31 @@ pub fn page(
     Page { part, mesh, sites, views: &views, unit, outlines }.write(folder)
 }
 
-/// The page of a folder that `label` has written for several tools.
-fn several(args: &Args, tools: Vec<(String, String)>, output: &Output) -> Result<()> {
-    let (names, folders): (Vec<String>, Vec<String>) = tools.into_iter().unzip();
-    let read = |folder: &String| LabelFile::read(&args.results.join(folder).join(LABELS));
-    let mut files = folders.iter().map(read).collect::<Result<Vec<_>>>()?;
-    let of_region: Vec<bool> = files.iter_mut().map(take_region).collect();
-    let of_region = of_region.contains(&true);
-    let sites = &files[0].sites;
-    if let Some(k) = files.iter().position(|file| !folder::same_sites(&file.sites, sites)) {
-        let path = args.results.join(&folders[k]).join(LABELS);
-        let (found, remedy) = ("they are not the sites of the first tool", "label all in one run");
-        return Err(Error::file(path, "points", found, remedy));
-    }
+/// What `label` has recorded, of one tool or of several, drawn again.
+fn of_outcome(args: &Args, output: &Output) -> Result<()> {
+    let outcome = Outcome::read(&args.results)?;
     let out = args.out.as_deref().unwrap_or(&args.results);
     atomic_file::check_writable_folder(out)?;
+    let files = (0..outcome.tools().len()).map(|k| outcome.file(k)).collect::<Result<Vec<_>>>()?;
+    let of_region = outcome.region().is_some();
+    let at = args.results.join(LABELS);
+    let about = files.iter().map(|file| ((&file.sites, &file.provenance), &at));
+    // The record has the surface: one that lies beside it must be the same.
     let found = Found { folder: args.results.clone(), labels: None, predictions: None };
-    let at: Vec<PathBuf> = folders.iter().map(|of| args.results.join(of).join(LABELS)).collect();
-    let about = files.iter().map(|file| (&file.sites, &file.provenance)).zip(&at);
-    let about: Vec<About> = about.collect();
-    let mesh = found.mesh(args, (of_region, &about), output)?;
-    let answers: Vec<&SiteAnswers> = files.iter().map(|file| &file.labels.answers).collect();
-    let tools: Vec<&str> = names.iter().map(String::as_str).collect();
-    let labels: Vec<_> = files.iter().map(|file| &file.labels).collect();
-    let mut of_tools = findings_of_tools(sites, mesh.as_ref(), &tools, &labels)?;
-    of_tools
-        .iter_mut()
-        .zip(&folders)
-        .for_each(|(found, of)| found.take_ids(&args.results.join(of)));
-    let accessible: Vec<Vec<bool>> = answers.iter().map(|answers| answers.accessible()).collect();
-    let first = |i: usize| accessible.iter().position(|accessible| accessible[i]);
-    let first: Vec<Option<usize>> = (0..sites.len()).map(first).collect();
-    let (classes, of) = coverage::groups(&tools, &first);
-    let mut all = Findings::of(sites, mesh.as_ref(), &for_all_tools(answers.into_iter()), &[])?;
-    all.take_ids(&args.results);
-    let read = tools.iter().zip(&files).zip(&at);
-    let read: Vec<Read> = read.map(|((name, file), path)| Read { name, file, path }).collect();
-    advise_again(&mut all, &read, mesh.as_ref().filter(|_| !of_region))?;
-    findings::say(&all, output);
-    let result = json!({ "findings": all.json() });
-    let mut first = View::of_first_tools(&classes, &of, all);
-    first.counts_sites = files[0].labels.surface.is_none();
-    let mut views = vec![first];
-    let of_tool = |((name, file), found)| View::tabs_of_labels(name, file, found);
-    views.extend(tools.iter().copied().zip(&files).zip(of_tools).flat_map(of_tool));
-    let part = &files[0].provenance.part;
-    let paths = [Page {
-        part,
-        mesh: mesh.as_ref(),
-        sites,
-        views: &views,
-        unit: output.unit(),
-        outlines: &found.outlines(mesh.as_ref())?,
-    }
-    .write(out)?];
+    found.mesh(args, (of_region, &about.collect::<Vec<_>>()), output)?;
+    let working = progress::working("drawing");
+    let (outcome, paths) = outcome.draw_again(&args.results, out, output.unit())?;
+    drop(working);
+    let result = if outcome.has_folders() {
+        findings::say(outcome.findings(), output);
+        json!({ "findings": outcome.findings().json() })
+    } else {
+        let mut shares = shares();
+        let (file, areas) = (&files[0], outcome.areas()?);
+        shares.row(row("exact", &file.provenance, &file.labels.answers, &areas));
+        output.say(shares.text_in(output.unit()));
+        json!({ "answers": shares.json() })
+    };
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
@@ -242,6 +200,40 @@ fn of_setups(args: &Args, output: &Output) -> Result<()> {
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
+}
+
+/// What `label` has recorded of the labels at a path, and the number of their tool: in their folder or, of one of several
+/// tools, in that above. Folders of earlier versions have no record.
+fn recorded(labels: &Path) -> Result<Option<(Outcome, usize)>> {
+    let folder = labels.parent().unwrap_or(Path::new(""));
+    if labels.file_name() != Some(LABELS.as_ref()) {
+        return Ok(None);
+    }
+    if folder.join(OUTCOME).is_file() {
+        return Ok(Some((Outcome::read(folder)?, 0)));
+    }
+    let (above, name) = (folder.join(".."), folder.canonicalize().ok());
+    let name = name.as_deref().and_then(Path::file_name).and_then(|name| name.to_str());
+    if !above.join(FIRST_TOOLS).is_file() || !above.join(OUTCOME).is_file() {
+        return Ok(None);
+    }
+    let outcome = Outcome::read(&above)?;
+    let k = outcome.tools().iter().position(|tool| Some(tool.folder()) == name);
+    Ok(k.map(|k| (outcome, k)))
+}
+
+/// A table of answers, without rows.
+fn shares() -> Table {
+    Table::new(&[
+        ("source", "answers"),
+        ("part", "part"),
+        ("cutter", "cutter"),
+        ("n_sites", "sites"),
+        ("accessible", "accessible"),
+        ("inaccessible", "inaccessible"),
+        ("tip_does_not_fit", "tip does not fit"),
+        ("occlusion", "occlusion"),
+    ])
 }
 
 fn row(source: &str, about: &Provenance, answers: &SiteAnswers, areas: &SiteAreas) -> Vec<Cell> {

@@ -9,9 +9,7 @@ mod stated;
 use super::LabelFile;
 use super::settings::AnalysisSettings;
 use super::tools::Tool;
-use crate::access::surface::explain::{
-    Explanation, Query, RegionAdvice, Remedies, explain_among_points,
-};
+use crate::access::surface::explain::{Explanation, Query, Remedies, explain_among_points};
 use crate::access::surface::{
     PartChange, SiteAnswer, SurfaceOptions, TriangleObstacles, WitnessPose,
 };
@@ -280,35 +278,12 @@ impl LabelQuery {
         file.labels.witness.iter().take(sites.len()).enumerate().map(pose).collect()
     }
 
-    /// As [`LabelQuery::read`], of labels that were read at a path.
-    ///
-    /// # Errors
-    /// As [`LabelQuery::read`].
-    #[cfg(all(feature = "formats", feature = "generate"))]
-    pub(crate) fn of_file(file: &LabelFile, path: &Path, mesh: Option<&Mesh>) -> Result<Self> {
-        Self::with(file.clone(), path, (mesh.cloned(), None))
-    }
-
     /// What blocks, if that is triangles.
     pub(crate) fn triangles(&self) -> Option<&TriangleObstacles> {
         match &self.barrier {
             Barrier::Triangles(triangles) => Some(triangles),
             Barrier::Points(_) => None,
         }
-    }
-
-    /// The change of the tool that helps most of these sites; none is looked for where points are the obstacles.
-    ///
-    /// # Errors
-    /// As [`TriangleObstacles::change_for`].
-    ///
-    /// # Panics
-    /// If a member is no site.
-    pub fn change_for(&self, members: &[u32]) -> Result<RegionAdvice> {
-        let Some(triangles) = self.triangles() else { return Ok(RegionAdvice::default()) };
-        let (of, held) =
-            ((&self.file.sites, members), (&self.tool.assembly, self.tool.clearance_mm));
-        triangles.change_for(of, held, &self.directions, &self.options, &self.remedies)
     }
 
     /// Changes of the part with which the tool reaches most of these sites; none are looked for where points are the
