@@ -10,8 +10,8 @@
 use super::super::profile::{AsidePose, Frame, ProfileTool};
 use super::super::samples;
 use super::grid::Grid;
-use crate::par;
 use crate::spatial::KdTree;
+use crate::{Result, par};
 use glam::DVec3;
 
 /// Between two poses a tool of radius R leaves a ridge of `spacing² / 8 R`: this share of the accuracy.
@@ -20,6 +20,8 @@ const RIDGE: f64 = 0.25;
 const FARTHEST: f64 = 1.5;
 /// Number of sites.
 const SITES: [f64; 2] = [2000.0, 60_000.0];
+/// Sites after which it may be stopped.
+const CHECKED: usize = 1024;
 /// Poses per task.
 const TASK: usize = 64;
 
@@ -30,21 +32,28 @@ pub struct Aside<'a> {
 }
 
 impl<'a> Aside<'a> {
+    /// `check` may stop it.
     pub fn new(
         tool: &'a ProfileTool<'a>,
         part: &[[DVec3; 3]],
         frames: &[Frame],
         accuracy_mm: f64,
-    ) -> Self {
+        check: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<Self> {
+        let mut poses = Vec::new();
         if !tool.may_leave_aside() {
-            return Aside { tool, poses: Vec::new() };
+            return Ok(Aside { tool, poses });
         }
         let area: f64 = part.iter().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
         let spacing_mm2 = 8.0 * tool.cutting_radius() * RIDGE * accuracy_mm;
         let n = (area / spacing_mm2).clamp(SITES[0], SITES[1]);
         let sites = samples::sites(part, n as usize);
         let spacing = (area / n).sqrt();
-        Aside { tool, poses: tool.aside_poses(&sites, frames, FARTHEST * spacing) }
+        for sites in sites.chunks(CHECKED) {
+            check()?;
+            poses.extend(tool.aside_poses(sites, frames, FARTHEST * spacing));
+        }
+        Ok(Aside { tool, poses })
     }
 
     /// Raises the nodes of a grid to how far they are in what cuts, in the poses that are clear of what is left.

@@ -88,14 +88,18 @@ impl TriangleObstacles {
         let (mut alone_mm3, mut after_mm3) = (Vec::new(), Vec::new());
         let (mut n_rounds, n_setups) = (0, setups.len());
         for (k, frames) in setups.iter().enumerate() {
+            let n = tools.len() * frames.len();
+            let mut check = || report(k * n, n * n_setups);
             let aside = tools.iter().map(|tool| {
-                let any = tool.any.as_ref()?;
-                Some(Aside::new(any, part, frames, job.accuracy_mm))
+                let any = tool.any.as_ref();
+                any.map(|any| Aside::new(any, part, frames, job.accuracy_mm, &mut check))
+                    .transpose()
             });
+            let aside = aside.collect::<Result<_>>()?;
             let pass = Pass {
                 obstacles: self,
                 tools: &tools,
-                aside: aside.collect(),
+                aside,
                 fresh: &grid,
                 each_alone: n_setups == 1,
                 order: &spread(frames.len()),
