@@ -75,19 +75,7 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     let outlines = found.outlines(mesh.as_ref())?;
     let scene = Scene { mesh: mesh.as_ref(), outlines: &outlines };
     let working = progress::working("drawing");
-    let mut paths = Vec::new();
-    let mut shares = shares();
-    if let Some(file) = &labels {
-        paths.extend(folder::draw_labels(out, file, scene, Show::Pictures)?);
-        let of_mesh = file.labels.surface.is_some();
-        let areas = SiteAreas::by_definition(&file.sites, mesh.as_ref(), of_mesh)?;
-        shares.row(row("exact", &file.provenance, &file.labels.answers, &areas));
-    }
-    if let Some(file) = &predictions {
-        paths.extend(folder::draw_predictions(out, file, mesh.as_ref(), Show::Pictures)?);
-        let areas = SiteAreas::even(file.sites.len());
-        shares.row(row("predicted", &file.provenance, &file.answers(), &areas));
-    }
+    let (shares, mut paths) = draw((labels.as_ref(), predictions.as_ref()), scene, out)?;
     drop(working);
     output.say(shares.text_in(output.unit()));
     let mut result = json!({ "answers": shares.json() });
@@ -111,6 +99,27 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     output.files(&paths);
     output.result_with_files(result, &paths);
     Ok(())
+}
+
+/// Draws answers: what they say of the surface, and the paths.
+fn draw(
+    (labels, predictions): (Option<&LabelFile>, Option<&PredictionFile>),
+    scene: Scene,
+    out: &Path,
+) -> Result<(Table, Vec<PathBuf>)> {
+    let (mut shares, mut paths) = (shares(), Vec::new());
+    if let Some(file) = labels {
+        paths.extend(folder::draw_labels(out, file, scene, Show::Pictures)?);
+        let of_mesh = file.labels.surface.is_some();
+        let areas = SiteAreas::by_definition(&file.sites, scene.mesh, of_mesh)?;
+        shares.row(row("exact", &file.provenance, &file.labels.answers, &areas));
+    }
+    if let Some(file) = predictions {
+        paths.extend(folder::draw_predictions(out, file, scene.mesh, Show::Pictures)?);
+        let areas = SiteAreas::even(file.sites.len());
+        shares.row(row("predicted", &file.provenance, &file.answers(), &areas));
+    }
+    Ok((shares, paths))
 }
 
 /// The page of exact answers, read from or written to a file, predictions, or both about the same sites and their
