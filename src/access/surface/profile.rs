@@ -43,6 +43,8 @@
 //! Explanations ask for the pose of a direction that is nearest to being free: the depth of its deepest point is between
 //! two tools that are shrunk by more and more.
 //!
+//! Points of space have no normal: `space` says which of them a tool removes.
+//!
 //! A drill or a reamer cuts along its axis alone, in bores of its own diameter: `drilling` finds these in sections of the
 //! part, and what of them the tool reaches.
 
@@ -53,6 +55,7 @@ mod bands;
 mod body;
 mod clear;
 mod contact;
+mod cuts;
 mod depth;
 mod drill;
 mod drilling;

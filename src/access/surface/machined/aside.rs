@@ -1,10 +1,11 @@
-//! What a tool that is wider below than above removes under edges, in poses out of which it moves aside.
+//! What a tool that is wider below than above removes under edges: in free poses with a sideways retreat.
 //!
 //! ```text
-//! sites spread over the part, so near to one another that what poses leave between two is below the accuracy
-//! poses that reach them and have no straight retreat, and where these may move across their axes: what is in what cuts is
-//!     removed
-//! with something left: of these poses those in which, and on the way out of which, what does not cut is clear of it
+//! for sites spread over the part, so densely that the ridges between two poses are below the accuracy:
+//!     the pose that reaches it, if its retreat is sideways; and this pose moved across and along the axis, as far as
+//!         that is free
+//! round 1:    a node is removed if it is in what cuts in one of these poses
+//! then:       if also what does not cut is clear of what is left, in the pose and during its retreat
 //! ```
 
 use super::super::profile::{AsidePose, Frame, ProfileTool};
@@ -56,23 +57,16 @@ impl<'a> Aside<'a> {
         Ok(Aside { tool, poses })
     }
 
-    /// Raises the nodes of a grid to how far they are in what cuts, in the poses that are clear of what is left.
+    /// Raises the nodes of a grid to their depths in what cuts, in the poses that are clear of what is left.
     pub fn raise(&self, grid: &mut Grid, rest: &[DVec3]) {
-        let clear = self.clear(rest);
-        let poses: Vec<&AsidePose> = self
-            .poses
-            .iter()
-            .zip(clear)
-            .filter(|(_, is_clear)| *is_clear)
-            .map(|(p, _)| p)
-            .collect();
+        let all = self.poses.iter().zip(self.are_clear(rest));
+        let poses: Vec<_> = all.filter_map(|(pose, clear)| clear.then_some(pose)).collect();
         if poses.is_empty() {
             return;
         }
-        let balls: Vec<(DVec3, f64)> = poses.iter().map(|p| self.tool.ball_of_cuts(p)).collect();
-        let tree = KdTree::build(&balls.iter().map(|(middle, _)| *middle).collect::<Vec<_>>());
-        // Of one tool all are of one size.
-        let radius = balls[0].1;
+        let middles = poses.iter().map(|pose| self.tool.middle_of_cuts(&pose.frame, pose.tip));
+        let tree = KdTree::build(&middles.collect::<Vec<_>>());
+        let radius = self.tool.reach_of_cuts();
         grid.raise_about(|middle, within_mm| {
             let mut near = Vec::new();
             tree.within(middle, within_mm + radius, |k, d2| near.push((d2, k)));
@@ -81,7 +75,7 @@ impl<'a> Aside<'a> {
             move |point: DVec3, [least, enough]: [f64; 2]| {
                 let mut most = least.max(-2.0 * enough);
                 for pose in &near {
-                    most = self.tool.cut_depth(pose, point, most);
+                    most = self.tool.cut_depth(&pose.frame, pose.tip, point, most);
                     if most >= enough {
                         break;
                     }
@@ -93,15 +87,15 @@ impl<'a> Aside<'a> {
 
     /// Whether some pose is not clear of what is left.
     pub fn may_meet(&self, rest: &[DVec3]) -> bool {
-        self.clear(rest).contains(&false)
+        self.are_clear(rest).contains(&false)
     }
 
-    fn clear(&self, rest: &[DVec3]) -> Vec<bool> {
+    fn are_clear(&self, rest: &[DVec3]) -> Vec<bool> {
         let found = par::map_blocks(self.poses.len(), TASK, |range| {
             // What meets one pose mostly meets the next.
             let mut last = 0;
             let is_clear = |pose: &AsidePose| {
-                let met = |k: &usize| self.tool.meets_on_way(pose, rest[*k]);
+                let met = |k: &usize| self.tool.meets_on_retreat(pose, rest[*k]);
                 let found = (last..rest.len().min(last + 1)).chain(0..rest.len()).find(met);
                 last = found.unwrap_or(last);
                 found.is_none()

@@ -59,8 +59,8 @@ impl TriangleObstacles {
     /// `report` is given how much is done, and may stop it.
     ///
     /// # Errors
-    /// As [`TriangleObstacles::label`]; if the part or the stock has no inside, or the
-    /// lattice would not fit into the memory; those of `report`.
+    /// As [`TriangleObstacles::label`]; if the part or the stock has no inside, or the lattice would not fit into the
+    /// memory; those of `report`.
     #[doc(hidden)] // of `analysis`
     pub fn machine(
         &self,

@@ -1,4 +1,4 @@
-//! Free poses out of which a tool moves across its axis first, and what they remove.
+//! Free poses with a sideways retreat.
 
 use super::frame::Frame;
 use super::label::ProfileTool;
@@ -9,36 +9,28 @@ use std::f64::consts::TAU;
 
 /// Sites per task.
 const BLOCK: usize = 32;
-/// Moves of a pose, even around the axis, and to which share of their length they are found.
+/// Moves of a pose across the axis, even around it, and to which share of their length all moves are found.
 const MOVES: usize = 8;
 const EXACT: f64 = 0.02;
 
-/// A free pose with a way out aside.
+/// A free pose with a sideways retreat.
 #[derive(Debug, Clone)]
 pub(in crate::access::surface) struct AsidePose {
-    frame: Frame,
-    tip: DVec3,
-    /// Across the axis, after which it is drawn back along it.
+    pub frame: Frame,
+    pub tip: DVec3,
+    /// The move across the axis, after which the tool is drawn back along it.
     by: DVec2,
 }
 
 impl ProfileTool<'_> {
-    /// Greatest radius of what cuts, mm.
-    pub fn cutting_radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// Of the poses that reach sites, those that have no straight retreat; and where these come to when they are moved
-    /// across the axis until something is in the way, or by `farthest` mm.
+    /// The poses that reach sites and have no straight retreat; and each of them moved until something is in the way, or
+    /// by `farthest` mm.
     pub fn aside_poses(
         &self,
         sites: &[Contact],
         frames: &[Frame],
         farthest: f64,
     ) -> Vec<AsidePose> {
-        if !self.may_leave_aside() {
-            return Vec::new();
-        }
         let found = par::map_blocks(sites.len(), BLOCK, |range| {
             let mut poses = Vec::new();
             for i in range {
@@ -58,6 +50,7 @@ impl ProfileTool<'_> {
         found.into_iter().flatten().collect()
     }
 
+    /// The pose moved across the axis as far as that is free, in several directions.
     fn moved_to_ends(&self, pose: &AsidePose, farthest: f64) -> impl Iterator<Item = AsidePose> {
         let AsidePose { frame, tip, by } = *pose;
         (0..MOVES).filter_map(move |k| {
@@ -80,26 +73,8 @@ impl ProfileTool<'_> {
         })
     }
 
-    /// How deep a point is in what cuts, mm, up to the height at which that ends, negative outside; at least `least`.
-    pub fn cut_depth(&self, pose: &AsidePose, point: DVec3, least: f64) -> f64 {
-        let local = Stand { reference: pose.tip, axes: pose.frame.axes }.local(point);
-        // Within the cylinder about what cuts.
-        let most = local.z.min(self.flutes - local.z);
-        let beside = self.radius - least;
-        if most <= least || local.truncate().length_squared() >= beside * beside.abs() {
-            return least;
-        }
-        self.outline.depth(local).mm.min(most).max(least)
-    }
-
-    /// Middle and radius of a ball about what cuts.
-    pub fn ball_of_cuts(&self, pose: &AsidePose) -> (DVec3, f64) {
-        let middle = pose.tip + pose.frame.axes[2] * (0.5 * self.flutes);
-        (middle, self.radius.hypot(0.5 * self.flutes))
-    }
-
-    /// Whether what does not cut meets a point, in a pose or on the way out of it.
-    pub fn meets_on_way(&self, pose: &AsidePose, point: DVec3) -> bool {
+    /// Whether what does not cut meets a point, in a pose or during its retreat.
+    pub fn meets_on_retreat(&self, pose: &AsidePose, point: DVec3) -> bool {
         let local = Stand { reference: pose.tip, axes: pose.frame.axes }.local(point);
         let (flat, body) = (local.truncate(), &self.shrunk_least().non_cutting);
         if body.elements.first().is_none_or(|lowest| local.z < lowest.low) {

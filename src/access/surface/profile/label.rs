@@ -93,12 +93,7 @@ impl SiteResult {
     /// With the pose that is free and has a retreat, in a direction of the set.
     pub(super) fn with_witness(self, direction: Vec3, state: &State) -> SiteResult {
         let witness = Some(WitnessPose { direction, tip_mm: self.last_free });
-        SiteResult { witness, ..self }.tested(state)
-    }
-
-    /// After these tests.
-    pub(super) fn tested(self, state: &State) -> SiteResult {
-        SiteResult { n_tested: state.n_tested, ..self }
+        SiteResult { witness, n_tested: state.n_tested, ..self }
     }
 }
 
@@ -316,18 +311,31 @@ impl<'a> ProfileTool<'a> {
                 return found.with_witness(frame.direction, &state);
             }
         }
-        let [first, after] = Shallow::in_turns([suggested, shallow]);
+        let at = (contact.point, Some(normal));
+        self.push_shallow([suggested, shallow], frames, at, state, found)
+    }
+
+    /// The result after pushing the poses that penetrate least, at a point and, of a site, with its normal.
+    pub(super) fn push_shallow(
+        &self,
+        shallow: [Shallow; 2],
+        frames: &[Frame],
+        (point, normal): (DVec3, Option<DVec3>),
+        mut state: State,
+        mut found: SiteResult,
+    ) -> SiteResult {
+        let [first, after] = Shallow::in_turns(shallow);
         for (candidates, pushes) in [(first, PUSHES), (after, FEW_PUSHES)] {
             for Candidate { k, pose, .. } in candidates {
                 let frame = &frames[k];
-                let from = (pose, Some(frame.local(normal)));
-                let tip = self.slide(pushes, frame, contact.point, from, &mut state);
+                let from = (pose, normal.map(|normal| frame.local(normal)));
+                let tip = self.slide(pushes, frame, point, from, &mut state);
                 if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
                     return found.with_witness(frame.direction, &state);
                 }
             }
         }
-        found.tested(&state)
+        SiteResult { n_tested: state.n_tested, ..found }
     }
 
     /// Whether a retreat from a free pose is proven.

@@ -2,10 +2,8 @@
 
 use super::frame::Frame;
 use super::label::{ProfileTool, SiteResult};
-use super::space::N_SITES;
 use crate::access::surface::cells::Domain;
 use crate::access::surface::labels::{SurfaceLabels, SurfaceStats};
-use crate::access::surface::samples;
 use crate::access::surface::tool::Contact;
 use crate::directions::Directions;
 use crate::par;
@@ -24,9 +22,7 @@ pub(in crate::access::surface) fn label(
 ) -> SurfaceLabels {
     let frames = Frame::tested((directions, domain), tool.bvh());
     let found = match contacts.first() {
-        Some(Contact { normal: None, .. }) => {
-            tool.in_space(contacts, &samples::sites(part, N_SITES), &frames)
-        }
+        Some(Contact { normal: None, .. }) => tool.in_space(contacts, part, &frames),
         _ => sites(tool, contacts, &frames),
     };
     let mut labels = SurfaceLabels {

@@ -8,6 +8,10 @@ use glam::{DVec2, DVec3, dvec2};
 #[derive(Debug, Clone)]
 pub(super) struct Outline {
     pieces: Vec<Piece>,
+    /// From and up to which heights something cuts, from below, mm.
+    cutting: Vec<[f64; 2]>,
+    /// Greatest radius of what cuts, mm.
+    cutting_radius: f64,
 }
 
 /// How deep a point is in a tool.
@@ -21,7 +25,16 @@ pub(super) struct Depth {
 
 impl Outline {
     pub fn new(profile: &Profile) -> Self {
-        Outline { pieces: finite_pieces(profile) }
+        let pieces = finite_pieces(profile);
+        let mut cutting: Vec<[f64; 2]> = Vec::new();
+        for piece in pieces.iter().filter(|piece| piece.cuts) {
+            let [low, high] = piece.ends.map(|[_, z]| z);
+            match cutting.last_mut().filter(|last| last[1] >= low) {
+                Some(last) => last[1] = last[1].max(high),
+                None => cutting.push([low, high]),
+            }
+        }
+        Outline { pieces, cutting, cutting_radius: profile.cutting_radius_mm() }
     }
 
     /// Of a point in the frame of the tool, from its tip.
@@ -42,14 +55,18 @@ impl Outline {
         Depth { mm: if self.holds(at) { distance } else { -distance }, toward }
     }
 
-    /// Whether a point in the frame of the tool is in what cuts, grown by a distance.
-    pub fn cuts_within(&self, point: DVec3, grown_by: f64) -> bool {
-        let beside = |piece: &Piece| {
-            let [low, high] = piece.ends.map(|[_, z]| z);
-            (low - grown_by..=high + grown_by).contains(&point.z)
-        };
-        self.pieces.iter().any(|piece| piece.cuts && beside(piece))
-            && self.depth(point).mm >= -grown_by
+    /// How deep a point in the frame of the tool is in what cuts, mm; negative outside, `least` if that is more.
+    pub fn depth_in_cuts(&self, point: DVec3, least: f64) -> f64 {
+        let between = |[low, high]: &[f64; 2]| (point.z - low).min(high - point.z);
+        let along = self.cutting.iter().map(between).fold(f64::NEG_INFINITY, f64::max);
+        if along <= least {
+            return least;
+        }
+        let across = self.cutting_radius - point.truncate().length();
+        if across <= least {
+            return least;
+        }
+        self.depth(point).mm.min(along).min(across).max(least)
     }
 
     /// Whether a place, radius and height, is in the tool.

@@ -1,7 +1,6 @@
 //! Labels of points of space: whether some pose removes what is there.
 //!
-//! A tool **removes** a point in a pose that is free and has a retreat, if the point is in what cuts, grown by the finish
-//! tolerance. There is no normal that it is to be touched with.
+//! In a pose that is free and has a retreat a tool **removes** the points in what cuts, grown by the finish tolerance.
 //!
 //! ```text
 //! poses of sites spread over the part, as labels find them: free, with a retreat
@@ -13,23 +12,25 @@
 //!     poses that penetrate least, pushed along the profile as at a site: free, with a retreat: accessible
 //! ```
 //!
-//! To touch the point is enough. A tool that holds it leaves it on its proven retreat, downward along the axis or sideways
-//! across it, in a pose that touches it with what cuts and is free as well.
+//! Poses that touch the point are enough. During its retreat a tool that holds a point comes to a pose that touches it with
+//! what cuts; that pose is free, and the rest of the retreat is its own.
 //!
-//! Poses that reach sites are those in narrow places, which poses about a point far from all walls do not lead to.
+//! In a narrow place few poses are free. Those that reach its walls are among them; pushing poses about a point far from
+//! the walls rarely leads there.
 
-use super::contact::{FEW_PUSHES, PUSHES, REACH};
+use super::contact::REACH;
 use super::frame::Frame;
 use super::label::{Form, ProfileTool, SiteResult, State};
 use super::shallow::{Candidate, Shallow};
-use crate::access::surface::tool::{Contact, Stand};
+use crate::access::surface::samples;
+use crate::access::surface::tool::Contact;
 use crate::par;
 use crate::spatial::KdTree;
 use glam::DVec3;
 
-/// Sites of the part whose poses are tried at every point.
-pub(super) const N_SITES: usize = 4000;
-/// Of these poses so many are tried, whose middles are nearest to the point.
+/// Sites of the part whose poses are tried.
+const N_SITES: usize = 4000;
+/// So many of these poses are tried at a point, those nearest to it.
 const N_NEAR: usize = 64;
 /// Points per task.
 const BLOCK: usize = 32;
@@ -51,14 +52,14 @@ struct Known {
 }
 
 impl ProfileTool<'_> {
-    /// Answers for points of space, about a part with these sites.
+    /// Answers for points of the space around a part.
     pub(super) fn in_space(
         &self,
         points: &[Contact],
-        sites: &[Contact],
+        part: &[[DVec3; 3]],
         frames: &[Frame],
     ) -> Vec<SiteResult> {
-        let known = self.known(sites, frames);
+        let known = self.known(&samples::sites(part, N_SITES), frames);
         let found = par::map_blocks(points.len(), BLOCK, |range| {
             range.map(|i| self.at_point(&known, points[i].point, frames)).collect::<Vec<_>>()
         });
@@ -77,25 +78,24 @@ impl ProfileTool<'_> {
             range.filter_map(free).collect::<Vec<_>>()
         });
         let poses: Vec<Free> = found.into_iter().flatten().collect();
-        let middle = DVec3::Z * (0.5 * self.flutes);
-        let middles = poses.iter().map(|pose| pose.tip + pose.frame.global(middle));
+        let middles = poses.iter().map(|pose| self.middle_of_cuts(&pose.frame, pose.tip));
         let tree = KdTree::build(&middles.collect::<Vec<_>>());
         Known { poses, tree }
     }
 
     fn at_point(&self, known: &Known, point: DVec3, frames: &[Frame]) -> SiteResult {
         let Known { poses, tree } = known;
-        let farthest = self.radius.hypot(0.5 * self.flutes) + self.finish();
+        let grown_by = self.finish() + ROUNDING_MM;
+        let farthest = self.reach_of_cuts() + grown_by;
         let mut is_free = false;
         for (_, k) in tree.k_nearest_within(point, N_NEAR, farthest, |_| true) {
-            let pose = &poses[k as usize];
-            let local = Stand { reference: pose.tip, axes: pose.frame.axes }.local(point);
-            if !self.outline.cuts_within(local, self.finish() + ROUNDING_MM) {
+            let Free { tip, frame, has_retreat } = &poses[k as usize];
+            if self.cut_depth(frame, *tip, point, -2.0 * grown_by) < -grown_by {
                 continue;
             }
-            if pose.has_retreat {
-                let found = SiteResult { is_free: true, last_free: pose.tip, ..Default::default() };
-                return found.with_witness(pose.frame.direction, &State::default());
+            if *has_retreat {
+                let found = SiteResult { is_free: true, last_free: *tip, ..Default::default() };
+                return found.with_witness(frame.direction, &State::default());
             }
             is_free = true;
         }
@@ -103,7 +103,8 @@ impl ProfileTool<'_> {
         SiteResult { is_free: found.is_free || is_free, ..found }
     }
 
-    /// The answer for a point by a search over poses about it. *Tip does not fit* is about the poses with the tip at the point, if no pose is free.
+    /// The answer for a point by a search over poses that touch it. Where none is free, *tip does not fit* is about the
+    /// poses with the tip at the point.
     pub(super) fn searched(&self, point: DVec3, frames: &[Frame]) -> SiteResult {
         let (mut state, mut found) = (State::default(), SiteResult::default());
         for frame in frames {
@@ -139,16 +140,6 @@ impl ProfileTool<'_> {
                 return found.with_witness(frame.direction, &state);
             }
         }
-        let [first, after] = Shallow::in_turns([suggested, shallow]);
-        for (candidates, pushes) in [(first, PUSHES), (after, FEW_PUSHES)] {
-            for Candidate { k, pose, .. } in candidates {
-                let frame = &frames[k];
-                let tip = self.slide(pushes, frame, point, (pose, None), &mut state);
-                if tip.is_some_and(|tip| self.retracts(frame, tip, &mut state, &mut found)) {
-                    return found.with_witness(frame.direction, &state);
-                }
-            }
-        }
-        found.tested(&state)
+        self.push_shallow([suggested, shallow], frames, (point, None), state, found)
     }
 }

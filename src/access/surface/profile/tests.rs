@@ -203,6 +203,19 @@ fn t_slot() -> Mesh {
     drawn_along_y(&outline, 40.0)
 }
 
+/// The same between two walls: a cutter fits, but comes in neither from above nor from an end.
+fn closed_t_slot() -> Mesh {
+    let mut mesh = t_slot();
+    for y in [-40.0, 0.0] {
+        let first = mesh.vertices.len() as u32;
+        for (x, z) in [(-30.0, 0.0), (30.0, 0.0), (30.0, 45.0), (-30.0, 45.0)] {
+            mesh.vertices.push(dvec3(x, y, z));
+        }
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    }
+    mesh
+}
+
 fn undercut(p: DVec3, n: DVec3) -> bool {
     // Farther from the ends than a cutter outside reaches in.
     (-33.0..-7.0).contains(&p.y)
@@ -231,14 +244,7 @@ fn a_t_slot_is_reached_by_its_cutter_and_by_no_other() {
 
 #[test]
 fn a_t_slot_that_is_closed_at_both_ends_cannot_be_left() {
-    let mut mesh = t_slot();
-    for y in [-40.0, 0.0] {
-        let first = mesh.vertices.len() as u32;
-        for (x, z) in [(-30.0, 0.0), (30.0, 0.0), (30.0, 45.0), (-30.0, 45.0)] {
-            mesh.vertices.push(dvec3(x, y, z));
-        }
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    }
+    let mesh = closed_t_slot();
     let middle = |p: DVec3, n: DVec3| undercut(p, n) && (-27.0..-13.0).contains(&p.y);
     let sites = sites_on(&mesh, 16, middle);
     let labels = label(&mesh, &sites, Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap(), 60.0);

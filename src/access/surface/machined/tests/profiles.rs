@@ -285,3 +285,18 @@ fn a_profile_that_only_widens_machines_what_its_lengths_do() {
         assert!((found - expected).abs() <= 0.01 * expected + 0.5, "{profile}: {found} {expected}");
     }
 }
+
+#[test]
+fn what_profiles_leave_does_not_depend_on_threads() {
+    let (mesh, up) = (t_slotted(), Directions::up());
+    let tools = ["4:0 4:40 | 4:60", "6:0 6:4 3:4 | 3:60"].map(|text| held(text.parse().unwrap()));
+    let run = |n: usize| {
+        par::with_threads(n, || {
+            let machined = machine(&mesh, &[&tools[1], &tools[0]], &up, 0.7);
+            machined.bodies.into_iter().map(|body| body.mesh).collect::<Vec<Mesh>>()
+        })
+        .unwrap()
+    };
+    let one = run(1);
+    assert!(!one.is_empty() && one == run(3));
+}

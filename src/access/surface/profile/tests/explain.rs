@@ -119,14 +119,7 @@ fn a_cutter_that_is_too_high_is_blocked_by_its_tip_and_a_smaller_one_fits() {
 
 #[test]
 fn a_closed_slot_is_free_without_a_way_out() {
-    let mut mesh = t_slot();
-    for y in [-40.0, 0.0] {
-        let first = mesh.vertices.len() as u32;
-        for (x, z) in [(-30.0, 0.0), (30.0, 0.0), (30.0, 45.0), (-30.0, 45.0)] {
-            mesh.vertices.push(dvec3(x, y, z));
-        }
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    }
+    let mesh = closed_t_slot();
     let tool = held(t_slot_cutter(8.9, 5.0), 20.0, 60.0);
     let why = explain(&mesh, &tool, WALL);
     assert_eq!((why.answer, why.blocked_by()), (SiteAnswer::Inaccessible, None));

@@ -57,12 +57,7 @@ pub(super) fn groove() -> Mesh {
 
 /// Whether some pose of a dense set that touches about with the normal of the site, of a point with any, is free and may be
 /// drawn back.
-pub(super) fn densely(
-    tool: &ProfileTool,
-    contacts: &Contacts,
-    contact: &Contact,
-    frame: &Frame,
-) -> bool {
+fn densely(tool: &ProfileTool, contacts: &Contacts, contact: &Contact, frame: &Frame) -> bool {
     let normal = contact.normal.map(|normal| frame.local(normal));
     let n = (contacts.length() / STEP_MM).ceil() as usize;
     let (mut last, mut retracting) = (None, None);
@@ -80,6 +75,17 @@ pub(super) fn densely(
                     || tool.retracts_aside(frame, tip, &mut retracting))
         })
     })
+}
+
+/// Whether a site or a point is reached, and whether by a dense search alone.
+pub(super) fn held_against_dense(
+    (tool, contacts): (&ProfileTool, &Contacts),
+    contact: &Contact,
+    frames: &[Frame],
+) -> [bool; 2] {
+    let found = tool.site(contact, frames).witness.is_some();
+    let missed = !found && frames.iter().any(|frame| densely(tool, contacts, contact, frame));
+    [found || missed, missed]
 }
 
 #[test]
@@ -112,11 +118,9 @@ fn few_sites_are_missed_that_some_pose_reaches() {
                 let point = all.points[i].as_dvec3();
                 let contact = Contact { point, normal: Some(all.normals[i].as_dvec3()) };
                 let frames: Vec<Frame> = up.vectors().iter().map(|d| Frame::along(*d)).collect();
-                let found = tool.site(&contact, &frames).witness.is_some();
-                let expected =
-                    found || frames.iter().any(|frame| densely(&tool, &contacts, &contact, frame));
-                n_reached += usize::from(expected);
-                n_missed += usize::from(expected && !found);
+                let [reached, missed] = held_against_dense((&tool, &contacts), &contact, &frames);
+                n_reached += usize::from(reached);
+                n_missed += usize::from(missed);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Points of the space around a part.
 
-use super::search::{Searched, densely, groove};
+use super::search::{Searched, groove, held_against_dense};
 use super::*;
 use crate::access::surface::profile::Frame;
 use crate::access::surface::tool::Contact;
@@ -53,15 +53,7 @@ fn a_t_slot_is_emptied_by_its_cutter_and_by_no_other() {
 
 #[test]
 fn a_slot_without_a_way_out_is_not_emptied() {
-    // Both ends closed by walls: the cutter fits, but neither goes in from above nor from the side.
-    let mut mesh = t_slot();
-    for y in [-40.0, 0.0] {
-        let first = mesh.vertices.len() as u32;
-        for (x, z) in [(-30.0, 0.0), (30.0, 0.0), (30.0, 45.0), (-30.0, 45.0)] {
-            mesh.vertices.push(dvec3(x, y, z));
-        }
-        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    }
+    let mesh = closed_t_slot();
     let points = lattice([-10.0, -27.0, 19.5], [10.0, -13.0, 27.5], 2.0);
     let labels = answers(&mesh, &points, Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap());
     assert_eq!(share(&labels), 0.0);
@@ -112,11 +104,9 @@ fn few_points_are_missed_that_some_pose_removes() {
                 // Near the surface, as far as a millimeter off.
                 let off = [0.02, 0.2, 1.0][i % 3] * sites.normals[i].as_dvec3();
                 let contact = Contact { point: sites.points[i].as_dvec3() + off, normal: None };
-                let found = tool.site(&contact, &frames).witness.is_some();
-                let removed =
-                    found || frames.iter().any(|frame| densely(&tool, &contacts, &contact, frame));
+                let [removed, missed] = held_against_dense((&tool, &contacts), &contact, &frames);
                 n_removed += usize::from(removed);
-                n_missed += usize::from(removed && !found);
+                n_missed += usize::from(missed);
             }
         }
     }
@@ -162,4 +152,55 @@ fn a_profile_that_only_widens_removes_what_its_lengths_do() {
         assert!(n_other * 100 <= points.len(), "{radius} {corner}: {n_other} of {}", points.len());
     }
     assert!(n_accessible > points.len() && n_accessible < 3 * points.len());
+}
+
+/// The cap below the disc does not cut: of a slot it leaves what is below the disc.
+#[test]
+fn a_saw_removes_what_its_disc_cuts_and_nothing_with_its_cap() {
+    let half = [[30.0, 0.0], [30.0, 40.0], [5.5, 40.0], [5.5, 28.0], [10.6, 28.0], [10.6, 19.0]];
+    let other = half.iter().rev().map(|[x, z]| [-x, *z]);
+    let outline: Vec<[f64; 2]> = half.iter().copied().chain(other).collect();
+    let mesh = drawn_along_y(&outline, 40.0);
+    let saw = Profile::saw(10.5, 3.0, [4.0, 2.0], 5.0).unwrap();
+    // The disc is from 2 to 5 mm above the tip, which is on the floor at 19 at the lowest.
+    let points = lattice([-10.0, -28.0, 19.3], [10.0, -12.0, 27.8], 1.7);
+    let labels = answers(&mesh, &points, saw.clone());
+    let mut n_below = 0;
+    for (point, answer) in points.iter().zip(&labels.answers) {
+        let expected = point.z > 20.95;
+        assert_eq!(*answer == SiteAnswer::Accessible, expected, "{point}");
+        n_below += usize::from(!expected);
+    }
+    assert!(n_below > 100 && labels.answers.len() > 3 * n_below);
+}
+
+#[test]
+fn a_drill_removes_what_is_in_it_as_it_comes_down() {
+    // A block with a bore of 6 mm, 20 deep.
+    let bore = revolved(&[[3.0, 10.0], [14.0, 10.0], [14.0, 30.0], [3.0, 30.0]], 60);
+    let drill: Profile = "drill 0:0 2.9:1.7 2.9:12 | 2.9:60".parse().unwrap();
+    let points: Vec<Vec3> = (0..40).map(|k| Vec3::new(0.4, -0.3, k as f32)).collect();
+    let labels = answers(&bore, &points, drill.clone());
+    assert_eq!(share(&labels), 1.0);
+    let aside: Vec<Vec3> = (11..30).map(|k| Vec3::new(2.99, 0.0, k as f32)).collect();
+    assert_eq!(share(&answers(&bore, &aside, drill)), 1.0);
+    let wide: Profile = "drill 0:0 3.2:1.7 3.2:12 | 3.2:60".parse().unwrap();
+    let inside: Vec<Vec3> = points.iter().copied().filter(|p| p.z < 27.0).collect();
+    assert_eq!(share(&answers(&bore, &inside, wide)), 0.0);
+}
+
+#[test]
+fn answers_of_points_depend_on_no_other_points_and_on_no_number_of_threads() {
+    let mesh = t_slot();
+    let points = lattice([-10.0, -28.0, 19.3], [10.0, -12.0, 45.0], 2.3);
+    let tool = || Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap();
+    let all = par::with_threads(1, || answers(&mesh, &points, tool())).unwrap();
+    assert!((0.1..1.0).contains(&share(&all)));
+    let every: Vec<usize> = (0..points.len()).step_by(7).collect();
+    let some: Vec<Vec3> = every.iter().map(|i| points[*i]).collect();
+    let found = par::with_threads(3, || answers(&mesh, &some, tool())).unwrap();
+    for (k, i) in every.into_iter().enumerate() {
+        assert_eq!(found.answers[k], all.answers[i], "{i}");
+        assert_eq!(found.witness[k], all.witness[i], "{i}");
+    }
 }
