@@ -50,24 +50,28 @@ impl ProfileTool<'_> {
         found.into_iter().flatten().collect()
     }
 
-    /// The pose moved across the axis as far as that is free, in several directions.
+    /// The pose moved as far as that is free, across the axis in several directions, and along it up and down.
     fn moved_to_ends(&self, pose: &AsidePose, farthest: f64) -> impl Iterator<Item = AsidePose> {
         let AsidePose { frame, tip, by } = *pose;
-        (0..MOVES).filter_map(move |k| {
+        let across = (0..MOVES).map(|k| {
             let angle = TAU * (k as f64 / MOVES as f64);
-            let along = DVec2::new(libm::cos(angle), libm::sin(angle));
+            DVec3::new(libm::cos(angle), libm::sin(angle), 0.0)
+        });
+        across.chain([DVec3::Z, DVec3::NEG_Z]).filter_map(move |along| {
+            let moved = |length: f64| tip + frame.global(along * length);
+            let is_blocked = |length: f64| match along.z == 0.0 {
+                true => self.is_way_blocked(&frame, tip, along.truncate() * length),
+                false => !self.is_free(&frame, moved(length)),
+            };
             let [mut free, mut blocked] = [0.0, farthest];
-            if !self.is_way_blocked(&frame, tip, along * farthest) {
+            if !is_blocked(farthest) {
                 free = farthest;
             }
             while free < farthest && blocked - free > EXACT * farthest {
                 let middle = 0.5 * (free + blocked);
-                match self.is_way_blocked(&frame, tip, along * middle) {
-                    true => blocked = middle,
-                    false => free = middle,
-                }
+                if is_blocked(middle) { blocked = middle } else { free = middle }
             }
-            let (tip, by) = (frame.moved(tip, along * free), by - along * free);
+            let (tip, by) = (moved(free), by - along.truncate() * free);
             let moved = AsidePose { frame, tip, by };
             (free > 0.0 && self.is_way_out(&frame, tip, by)).then_some(moved)
         })

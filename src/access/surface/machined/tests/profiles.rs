@@ -287,6 +287,18 @@ fn a_profile_that_only_widens_machines_what_its_lengths_do() {
 }
 
 #[test]
+fn a_saw_leaves_what_is_below_its_disc_beside_an_end_mill() {
+    // The slot below is from z = 10 to 18; the cap keeps the disc 2 mm off its floor.
+    let (mesh, up) = (t_slotted(), Directions::up());
+    let end_mill = held("4:0 4:40 | 4:60".parse().unwrap());
+    let saw = held(Profile::saw(6.0, 4.0, [2.0, 2.0], 3.0).unwrap());
+    let found = left(&machine(&mesh, &[&end_mill, &saw], &up, 0.5));
+    // Behind each lip 5 mm are left by the end mill, of which the disc reaches 3, from z = 12 on.
+    let by_hand = 2.0 * 60.0 * (5.0 * 8.0 - 3.0 * 6.0);
+    assert!((found - by_hand).abs() < 0.05 * by_hand, "{found} {by_hand}");
+}
+
+#[test]
 fn what_profiles_leave_does_not_depend_on_threads() {
     let (mesh, up) = (t_slotted(), Directions::up());
     let tools = ["4:0 4:40 | 4:60", "6:0 6:4 3:4 | 3:60"].map(|text| held(text.parse().unwrap()));
