@@ -60,9 +60,9 @@ impl Analysis {
     /// other, each with its tool axes, and what the later ones remove is in the way before. See `docs/rest.md`.
     ///
     /// # Errors
-    /// If the part is no closed mesh, the stock does not contain it, there are no tools but drills, one is too thin for the
-    /// accuracy, there are both fixtures and setups, the lattice would not fit into the memory, or the
-    /// observer stops it.
+    /// If the part is no closed mesh, the stock does not contain it, there are no tools but drills, one is too thin for
+    /// the accuracy, there are both fixtures and setups, the lattice would not fit into the memory, or the observer
+    /// stops it.
     #[doc(hidden)] // of the program
     pub fn machine(
         self,

@@ -103,7 +103,7 @@ impl Outcome {
     pub fn read(folder: &Path) -> Result<Self> {
         let path = &folder.join(OUTCOME);
         let mut npz =
-            open(path, FORMAT, "label the part again, or read `labels.npz`, with `LabelFile`")?;
+            open(path, FORMAT, "label the part again; its `labels.npz` can be read without")?;
         let all: OfAll = read_text(path, &mut npz, "outcome")?;
         let OfPlaced { request, directions, .. } = &all.placed;
         let Read { answers, sites, vertices, stated } =

@@ -164,13 +164,11 @@ fn of_outcome(args: &Args, output: &Output) -> Result<()> {
     let outcome = Outcome::read(&args.results)?;
     let out = args.out.as_deref().unwrap_or(&args.results);
     atomic_file::check_writable_folder(out)?;
-    let files = (0..outcome.tools().len()).map(|k| outcome.file(k)).collect::<Result<Vec<_>>>()?;
-    let of_region = outcome.region().is_some();
-    let at = args.results.join(LABELS);
-    let about = files.iter().map(|file| ((&file.sites, &file.provenance), &at));
     // The record has the surface: one that lies beside it must be the same.
+    let (file, at) = (outcome.file(0)?, args.results.join(LABELS));
     let found = Found { folder: args.results.clone(), labels: None, predictions: None };
-    found.mesh(args, (of_region, &about.collect::<Vec<_>>()), output)?;
+    let about = [((&file.sites, &file.provenance), &at)];
+    found.mesh(args, (outcome.region().is_some(), &about), output)?;
     let working = progress::working("drawing");
     let (outcome, paths) = outcome.draw_again(&args.results, out, output.unit())?;
     drop(working);
@@ -179,7 +177,7 @@ fn of_outcome(args: &Args, output: &Output) -> Result<()> {
         json!({ "findings": outcome.findings().json() })
     } else {
         let mut shares = shares();
-        let (file, areas) = (&files[0], outcome.areas()?);
+        let areas = outcome.areas()?;
         shares.row(row("exact", &file.provenance, &file.labels.answers, &areas));
         output.say(shares.text_in(output.unit()));
         json!({ "answers": shares.json() })

@@ -102,12 +102,10 @@ impl VolumeFile {
         labels: &SurfaceLabels,
     ) -> Result<Self> {
         let n_outside = inside.iter().filter(|inside| !**inside).count();
-        let is_counted = labels.retreat_unproven.is_empty();
-        let [free, accessible] = match is_counted {
-            true => {
-                [&labels.collision_free_directions, &labels.accessible_directions].map(Vec::len)
-            }
-            false => [labels.retreat_unproven.len(); 2],
+        let SurfaceLabels { collision_free_directions, accessible_directions, .. } = labels;
+        let [free, accessible] = match labels.retreat_unproven.len() {
+            0 => [collision_free_directions.len(), accessible_directions.len()],
+            n => [n; 2],
         };
         let counts = [labels.answers.len(), labels.witness.len(), free, accessible];
         if inside.len() != lattice.len() || counts != [n_outside; 4] {
@@ -120,8 +118,8 @@ impl VolumeFile {
             provenance,
             lattice,
             answers: vec![PointAnswer::Inside; inside.len()],
-            collision_free_directions: at_points(inside, &labels.collision_free_directions),
-            accessible_directions: at_points(inside, &labels.accessible_directions),
+            collision_free_directions: at_points(inside, collision_free_directions),
+            accessible_directions: at_points(inside, accessible_directions),
             retreat_unproven: at_points(inside, &labels.retreat_unproven),
             witness: vec![None; inside.len()],
             said: Said::default(),
@@ -166,11 +164,8 @@ impl VolumeFile {
             .array("answer", &n, &numbers);
         let is_counted = self.retreat_unproven.is_empty();
         if is_counted {
-            npz.array("collision_free_directions", &n, &self.collision_free_directions).array(
-                "accessible_directions",
-                &n,
-                &self.accessible_directions,
-            );
+            npz.array("collision_free_directions", &n, &self.collision_free_directions);
+            npz.array("accessible_directions", &n, &self.accessible_directions);
         } else {
             npz.array(UNPROVEN, &n, &self.retreat_unproven);
         }
@@ -244,7 +239,7 @@ impl VolumeFile {
     }
 }
 
-/// For every point of a lattice, of those that are not inside the values in turn; empty if there are none.
+/// The values of the points outside, in turn, on the whole lattice; empty if there are none.
 fn at_points<T: Copy + Default>(inside: &[bool], values: &[T]) -> Vec<T> {
     if values.is_empty() {
         return Vec::new();
@@ -314,7 +309,36 @@ mod tests {
         let path = folder.path().join("volume.npz");
         file.write(&path).unwrap();
         assert_eq!(VolumeFile::read(&path).unwrap(), file);
-        let short = SurfaceLabels { witness: vec![], ..labels };
-        assert!(VolumeFile::new(provenance, lattice, &inside, &short).is_err());
+        let short = SurfaceLabels { witness: vec![], ..labels.clone() };
+        assert!(VolumeFile::new(provenance.clone(), lattice, &inside, &short).is_err());
+
+        // Of a tool given by its profile.
+        let labels = SurfaceLabels {
+            collision_free_directions: vec![],
+            accessible_directions: vec![],
+            retreat_unproven: vec![false, true, false, false],
+            ..labels
+        };
+        let file = VolumeFile::new(provenance, lattice, &inside, &labels).unwrap();
+        assert_eq!(file.unproven_share(), Some(0.25));
+        file.write(&path).unwrap();
+        assert_eq!(VolumeFile::read(&path).unwrap(), file);
+        let whole = std::fs::read(&path).unwrap();
+        for cut in [0, 30, whole.len() / 2, whole.len() - 10] {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            assert!(VolumeFile::read(&path).unwrap_err().to_string().contains("volume.npz"));
+        }
+        let mut npz = NpzWriter::new();
+        npz.array("origin", &[3], &[0.0; 3])
+            .array("step", &[1], &[1.0])
+            .array("counts", &[3], &file.lattice.counts.map(|count| count as u64))
+            .array("cutter", &[4], &cutter.to_array())
+            .array("answer", &[6], &[0u8; 6])
+            .array(UNPROVEN, &[5], &[false; 5])
+            .array("witness_direction", &[6, 3], &[0f32; 18])
+            .metadata(&file.provenance.metadata(VolumeFile::FORMAT, meaning(false)));
+        npz.write(&path).unwrap();
+        let message = VolumeFile::read(&path).unwrap_err().to_string();
+        assert!(message.contains("retreat_unproven: 5 entries for 6 points"), "{message}");
     }
 }
