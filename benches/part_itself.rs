@@ -24,9 +24,9 @@
 #![allow(clippy::print_stdout)]
 
 use deepmill::access::surface::{
-    ContactTolerance, Reached, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
-    TriangleObstacles,
+    ContactTolerance, Reached, RefinementOptions, SurfaceLabels, SurfaceOptions, TriangleObstacles,
 };
+use deepmill::answers::SiteAnswer;
 use deepmill::cutter::{Assembly, Cutter, CutterParams, Section, TipShape};
 use deepmill::directions::Directions;
 use deepmill::geom::formats::{ReadOptions, read_mesh};

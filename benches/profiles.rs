@@ -18,7 +18,8 @@
 //! Parts with an edge of the bounding box below 80 mm are scaled up to 80 mm.
 #![allow(clippy::print_stdout)]
 
-use deepmill::access::surface::{SiteAnswer, SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use deepmill::answers::SiteAnswer;
 use deepmill::cutter::{Assembly, Cutter, Profile, Section};
 use deepmill::directions::Directions;
 use deepmill::geom::Sites;

@@ -2,9 +2,8 @@
 
 use crate::access::Labels;
 use crate::access::surface::explain::RegionAdvice;
-use crate::access::surface::{
-    PartChange, PartLength, SiteAnswer, SurfaceOptions, TriangleObstacles,
-};
+use crate::access::surface::{PartChange, PartLength, SurfaceOptions, TriangleObstacles};
+use crate::answers::SiteAnswer;
 use crate::cutter::Assembly;
 use crate::data::files::tools::Tool;
 use crate::directions::{DirectionSet, Directions};

@@ -1,7 +1,8 @@
 //! Fixtures and the table: what is wrong with them, and what they keep out of reach.
 
 use crate::access::Labels;
-use crate::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
+use crate::access::surface::{SurfaceOptions, TriangleObstacles};
+use crate::answers::SiteAnswer;
 use crate::data::files::tools::Tool;
 use crate::directions::Directions;
 use crate::geom::check::{self, Fault};

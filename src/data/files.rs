@@ -31,7 +31,8 @@ pub use settings::Blocking;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
-use crate::access::surface::{SiteAnswer, SurfaceLabels};
+use crate::access::surface::SurfaceLabels;
+use crate::answers::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;

@@ -9,7 +9,7 @@ mod file;
 mod matching;
 
 use super::findings::{Bounds, Finding, FindingStatus, Findings, cause_words, untaken};
-use crate::access::surface::SiteAnswer;
+use crate::answers::SiteAnswer;
 use crate::geom::Sites;
 use crate::{Error, Result};
 use cells::Cover;

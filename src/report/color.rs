@@ -1,6 +1,6 @@
 //! Colors of sites, chosen to stay apart for color-blind eyes and in gray print.
 
-use crate::access::surface::SiteAnswer;
+use crate::answers::SiteAnswer;
 
 /// Red, green and blue, 0 to 255 each, sRGB.
 pub type Rgb = [u8; 3];

@@ -8,11 +8,11 @@ pub use picture::picture;
 use super::findings::part_change_words;
 use super::tables::{Cell, Facts, Table};
 use crate::Result;
+use crate::access::surface::PartChange;
 use crate::access::surface::explain::{
     Change, ChangeKind, DirectionState, Explanation, Outcome, short,
 };
-use crate::access::surface::{PartChange, SiteAnswer};
-use crate::answers::Definition;
+use crate::answers::{Definition, SiteAnswer};
 use crate::cutter::{Profile, ToolPart};
 use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::steps_words;

@@ -12,7 +12,7 @@ mod ids;
 mod together;
 
 use super::memory::{PartSize, require_for_findings, require_for_findings_files};
-use crate::access::surface::SiteAnswer;
+use crate::answers::SiteAnswer;
 use crate::answers::SiteAnswers;
 use crate::cutter::ToolPart;
 use crate::data::files::Provenance;

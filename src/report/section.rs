@@ -81,7 +81,8 @@ pub fn draw(file: &VolumeFile, j: usize) -> Image {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::access::surface::{SiteAnswer, SurfaceLabels};
+    use crate::access::surface::SurfaceLabels;
+    use crate::answers::SiteAnswer;
     use crate::cutter::CutterParams;
     use crate::data::files::{AnalysisSettings, Provenance};
     use crate::geom::inside::Lattice;

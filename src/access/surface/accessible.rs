@@ -193,7 +193,8 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::access::surface::{Reached, SiteAnswer};
+    use crate::access::surface::Reached;
+    use crate::answers::SiteAnswer;
     use crate::cutter::CutterParams;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids;

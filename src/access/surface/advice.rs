@@ -35,9 +35,10 @@ mod height;
 mod thin;
 mod width;
 
-use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
+use super::labels::{SurfaceLabels, SurfaceOptions};
 use super::obstacles::TriangleObstacles;
 use crate::Result;
+use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, Cutter};
 use crate::directions::Directions;
 use crate::geom::Sites;

@@ -56,9 +56,10 @@ pub use region::{RegionAdvice, RegionChange};
 pub use remedies::sold_diameter;
 pub use remedies::{Remedies, Stopped};
 
-use super::labels::{SiteAnswer, SurfaceOptions};
+use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, tested};
 use crate::Result;
+use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, ToolPart, require_steps};
 use crate::directions::Directions;
 use case::{Barrier, Case};
@@ -296,7 +297,8 @@ impl TriangleObstacles {
     ///
     /// ```
     /// use deepmill::access::surface::explain::{ChangeKind, Query};
-    /// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
+    /// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+    /// use deepmill::answers::SiteAnswer;
     /// use deepmill::cutter::{Assembly, Section, TipShape, ToolPart};
     /// use deepmill::directions::Directions;
     /// use deepmill::geom::{Mesh, solids};

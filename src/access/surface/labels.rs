@@ -3,23 +3,11 @@
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::{Outline, axes};
 use super::verdict::Verdict;
+use crate::answers::SiteAnswer;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
-
-/// The answer for one site.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum SiteAnswer {
-    /// In some direction no step penetrates the part, and the tip fits.
-    Accessible,
-    /// In every direction some step (shank, holder or spindle) penetrates the part.
-    Inaccessible,
-    /// In some direction no step penetrates the part, but in all of these the tip does.
-    TipDoesNotFit,
-}
 
 /// What to compute.
 ///

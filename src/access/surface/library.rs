@@ -36,7 +36,7 @@ mod held;
 mod profile;
 
 use super::cells::Domain;
-use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions, WitnessPose};
+use super::labels::{SurfaceLabels, SurfaceOptions, WitnessPose};
 use super::obstacles::{TriangleObstacles, extent, tested};
 use super::problem::Problem;
 use super::query::Scratch;
@@ -44,6 +44,7 @@ use super::site::SiteState;
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::Verdict;
 use crate::access::Queries;
+use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, Cutter, Step};
 use crate::directions::{Directions, basis};
 use crate::geom::Sites;

@@ -3,11 +3,12 @@
 use super::bvh::Bvh;
 use super::cells::Domain;
 use super::chords::Chords;
-use super::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
+use super::labels::{SurfaceLabels, SurfaceOptions};
 use super::problem::Problem;
 use super::profile::{self, ProfileTool};
 use super::tool::{Contact, Outline};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
+use crate::answers::SiteAnswer;
 use crate::answers::{SiteAnswers, n_of_share};
 use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
@@ -20,7 +21,8 @@ use glam::{DVec3, Vec3};
 /// ([`Mesh::has_area`]) bound nothing and are no obstacles.
 ///
 /// ```
-/// use deepmill::access::surface::{SiteAnswer, SurfaceOptions, TriangleObstacles};
+/// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
+/// use deepmill::answers::SiteAnswer;
 /// use deepmill::cutter::{Cutter, CutterParams};
 /// use deepmill::directions::Directions;
 /// use deepmill::geom::{sites, solids};

@@ -1,12 +1,13 @@
 //! The definition in plain loops: all poses of a tool along one direction, in `f64`.
 
 use super::drop;
-use super::labels::{SiteAnswer, SurfaceOptions};
+use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, tested};
 use super::pose::PoseSet;
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::{Raise, raise_over};
 use crate::access::Queries;
+use crate::answers::SiteAnswer;
 use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::{Result, par};

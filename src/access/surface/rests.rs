@@ -1,6 +1,6 @@
 //! Answers that rest on something: a wide gouge tolerance, or a clearance.
 
-use super::labels::{SiteAnswer, SurfaceOptions, WitnessPose};
+use super::labels::{SurfaceOptions, WitnessPose};
 use super::obstacles::TriangleObstacles;
 use super::query::Scratch;
 use super::tolerance::ContactTolerance;
@@ -8,6 +8,7 @@ use super::tool::{Outline, Stand, axes};
 use super::verdict::Verdict;
 use super::warnings::WIDE_MM;
 use crate::access::Queries;
+use crate::answers::SiteAnswer;
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;

@@ -2,10 +2,11 @@
 
 use super::tool::Tip;
 use super::{
-    ContactTolerance, Reached, RefinementOptions, SiteAnswer, SurfaceLabels, SurfaceOptions,
-    TriangleObstacles, Warning,
+    ContactTolerance, Reached, RefinementOptions, SurfaceLabels, SurfaceOptions, TriangleObstacles,
+    Warning,
 };
 use super::{drop, penetrate, raise};
+use crate::answers::SiteAnswer;
 use crate::cutter::{Cutter, CutterParams};
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::{Mesh, Sites, solids};

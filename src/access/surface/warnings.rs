@@ -323,6 +323,7 @@ fn without_sites(part: &Mesh, sites: &Sites) -> Option<Warning> {
 mod tests {
     use super::super::{FINISH_MM, SurfaceOptions, SurfaceStats};
     use super::*;
+    use crate::answers::SiteAnswer;
     use crate::directions::Directions;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids;
@@ -424,7 +425,7 @@ mod tests {
             let up = Directions::up();
             let labels = obstacles.label(&sites, &cutter, &up, options).unwrap();
             let of: Vec<bool> =
-                labels.answers.iter().map(|a| *a == super::super::SiteAnswer::Accessible).collect();
+                labels.answers.iter().map(|a| *a == SiteAnswer::Accessible).collect();
             let found = (&of[..], &labels.witness[..]);
             let rests =
                 obstacles.rest_on_wide_tolerance(&sites, &cutter, &up, options, found).unwrap();
@@ -467,7 +468,7 @@ mod tests {
         let up = Directions::up();
         let share = obstacles.share_closed_by_clearance(&sites, &cutter, &up, answered).unwrap();
         assert!((share - 5.0 / 6.0).abs() < 0.01, "{share}");
-        assert_eq!(labels.share(super::super::SiteAnswer::Accessible), 0.0);
+        assert_eq!(labels.share(SiteAnswer::Accessible), 0.0);
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use super::placed::{OfPlaced, add_on_part, read_on_part};
 use super::{REMEDY, add_text, metadata, open, read_text};
-use crate::access::surface::{SiteAnswer, ToolReach};
+use crate::access::surface::ToolReach;
 use crate::analysis::ToolsOutcome;
+use crate::answers::SiteAnswer;
 use crate::data::files::poses;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;

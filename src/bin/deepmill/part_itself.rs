@@ -5,10 +5,11 @@ use crate::mesh_args::MeshArgs;
 use crate::output::Output;
 use deepmill::access::Labels;
 use deepmill::access::surface::{
-    ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SiteAnswer, SurfaceOptions, WIDE_MM,
-    Warning, blocking_faces,
+    ContactTolerance, FINISH_MM, LEAST_MM, RefinementOptions, SurfaceOptions, WIDE_MM, Warning,
+    blocking_faces,
 };
 use deepmill::analysis::{Analysis, Fixture, ToolOutcome};
+use deepmill::answers::SiteAnswer;
 use deepmill::data::files::settings::{Blocking, StatedWarning};
 use deepmill::data::files::tools::Tool;
 use deepmill::geom::{Mesh, Sites, check};

@@ -2,7 +2,7 @@
 //! another program.
 
 use crate::output::Output;
-use deepmill::access::surface::SiteAnswer;
+use deepmill::answers::SiteAnswer;
 use deepmill::data::files::matrix::{AccessMatrix, MatrixFile};
 use deepmill::data::files::{LabelFile, safety};
 use deepmill::report::tables::{Cell, Table};

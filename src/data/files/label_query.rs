@@ -10,11 +10,9 @@ use super::LabelFile;
 use super::settings::AnalysisSettings;
 use super::tools::Tool;
 use crate::access::surface::explain::{Explanation, Query, Remedies, explain_among_points};
-use crate::access::surface::{
-    PartChange, SiteAnswer, SurfaceOptions, TriangleObstacles, WitnessPose,
-};
+use crate::access::surface::{PartChange, SurfaceOptions, TriangleObstacles, WitnessPose};
 use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
-use crate::answers::Definition;
+use crate::answers::{Definition, SiteAnswer};
 use crate::directions::Directions;
 use crate::geom::formats;
 use crate::geom::sites::nearest_in_triangle;

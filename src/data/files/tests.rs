@@ -52,7 +52,8 @@ fn labels_come_back_exactly() {
 
 #[test]
 fn poses_that_are_none_are_named() {
-    use crate::access::surface::{SiteAnswer, SurfaceLabels, WitnessPose};
+    use crate::access::surface::{SurfaceLabels, WitnessPose};
+    use crate::answers::SiteAnswer;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("labels.npz");
     let read = |direction: Vec3, tip_mm: DVec3| {

@@ -3,7 +3,8 @@
 use super::super::npz::{NpzReader, NpzWriter};
 use super::Provenance;
 use super::poses::unit_or_none;
-use crate::access::surface::{SiteAnswer, SurfaceLabels};
+use crate::access::surface::SurfaceLabels;
+use crate::answers::SiteAnswer;
 use crate::geom::inside::Lattice;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};

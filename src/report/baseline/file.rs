@@ -2,7 +2,7 @@
 
 use super::cells::{N_FACINGS, Run};
 use super::{Baseline, KnownFinding, ScatteredCells, is_date};
-use crate::access::surface::SiteAnswer;
+use crate::answers::SiteAnswer;
 use crate::report::findings::Bounds;
 use crate::{Error, Result, atomic_file, input_file};
 use glam::DVec3;

@@ -4,8 +4,8 @@ use super::{PartChange, PartLength, Region, rounded};
 use crate::Result;
 use crate::access::surface::bvh::Bvh;
 use crate::access::surface::explain::{Blocked, BlockedQuery};
-use crate::access::surface::labels::SiteAnswer;
 use crate::access::surface::obstacles::TriangleObstacles;
+use crate::answers::SiteAnswer;
 use crate::geom::Sites;
 use glam::{DVec3, Vec3};
 

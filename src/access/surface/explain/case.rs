@@ -2,13 +2,14 @@
 
 use super::meet::{self, Meeting, Points, ShrunkTool};
 use super::{Blocked, DirectionState, Explanation, MOST_CLEARANCE_MM, Outcome, Query, Witness};
-use crate::access::surface::labels::{RefinementOptions, SiteAnswer, SurfaceOptions, WitnessPose};
+use crate::access::surface::labels::{RefinementOptions, SurfaceOptions, WitnessPose};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::surface::query::Scratch;
 use crate::access::surface::site::{Ball, SiteState};
 use crate::access::surface::tool::{Outline, Stand, axes};
 use crate::access::surface::verdict::{Raise, raise_over};
 use crate::access::{Engine, LabelOptions, Obstacles, Queries, label};
+use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, Cutter, ToolPart};
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::Sites;

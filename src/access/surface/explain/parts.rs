@@ -15,9 +15,10 @@
 //! Of the others, those that are so without the spindle are blocked by the holder. Where a pose is free and no way out
 //! is proven, no part blocks.
 
-use crate::access::surface::labels::{SiteAnswer, SurfaceLabels, SurfaceOptions};
+use crate::access::surface::labels::{SurfaceLabels, SurfaceOptions};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::{LabelOptions, Obstacles, Queries, label_many};
+use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, Cutter, ToolPart};
 use crate::directions::Directions;
 use crate::geom::Sites;

@@ -10,12 +10,13 @@
 use super::{Blocked, DirectionState, Explanation, NearestPose, Outcome, Query, Witness};
 use crate::access::Queries;
 use crate::access::surface::cells::Domain;
-use crate::access::surface::labels::{SiteAnswer, SurfaceOptions, WitnessPose};
+use crate::access::surface::labels::{SurfaceOptions, WitnessPose};
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
 use crate::access::surface::profile::{
     Frame, Ladder, PartHeights, Penetration, PoseState, ProfileTool, SiteResult,
 };
 use crate::access::surface::tool::Contact;
+use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, Cutter, Profile};
 use crate::directions::{DirectionSet, Directions};
 use crate::geom::Sites;

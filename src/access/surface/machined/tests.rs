@@ -1,13 +1,14 @@
 use super::super::profile::Frame;
 use super::super::tests::slotted;
 use super::super::tool::{Outline, axes};
-use super::super::{SiteAnswer, SurfaceOptions, TriangleObstacles};
+use super::super::{SurfaceOptions, TriangleObstacles};
 use super::footprint::{Cutting, Footprint};
 use super::heights::{Buffers, EMPTY, Heights};
 use super::pose::{Dropped, Line, Recent};
 use super::swept::Swept;
 use super::view::View;
 use super::*;
+use crate::answers::SiteAnswer;
 use crate::cutter::{Cutter, CutterParams, Step};
 use crate::directions::Directions;
 use crate::geom::sites::{SiteOptions, sample};

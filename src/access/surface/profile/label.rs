@@ -10,9 +10,10 @@ use super::meet::{Hit, deepest, penetrates};
 use super::outline::Outline;
 use super::shallow::{Candidate, Shallow};
 use crate::access::surface::bvh::{Band, Bvh};
-use crate::access::surface::labels::{SiteAnswer, WitnessPose};
+use crate::access::surface::labels::WitnessPose;
 use crate::access::surface::tolerance::Tolerances;
 use crate::access::surface::tool::{Contact, Stand};
+use crate::answers::SiteAnswer;
 use crate::cutter::Profile;
 use glam::{DVec2, DVec3, Vec3};
 
