@@ -51,7 +51,7 @@ fn row(path: &str, sites: &Sites, dense: &[glam::Vec3], lengths: [f64; 4]) {
     let missed = differing(&base, &faithful);
     let share = |count: usize, of: usize| 100.0 * count as f64 / of.max(1) as f64;
     let facing =
-        facing_away(&sites.normals, best_facing(&sites.normals, &base.answers.inaccessible));
+        facing_away(&sites.normals, best_facing(&sites.normals, &base.answers.inaccessible()));
     println!(
         "{:<22} {:<14} {:>5.1}% {:>6.2}% {:>9.1}% {:>9.2}% {:>9.3} {:>9.3}",
         std::path::Path::new(path).file_stem().unwrap().to_string_lossy(),
@@ -60,13 +60,13 @@ fn row(path: &str, sites: &Sites, dense: &[glam::Vec3], lengths: [f64; 4]) {
         share(missed, faithful.answers.n_inaccessible()),
         share(many.answers.n_inaccessible(), sites.len()),
         share(differing(&base, &many), sites.len()),
-        f1(&highest(&sites.points, 0.1), &base.answers.occlusion),
-        f1(&facing, &base.answers.inaccessible),
+        f1(&highest(&sites.points, 0.1), base.answers.occlusion()),
+        f1(&facing, &base.answers.inaccessible()),
     );
 }
 
 fn differing(a: &Labels, b: &Labels) -> usize {
-    a.answers.inaccessible.iter().zip(&b.answers.inaccessible).filter(|(a, b)| a != b).count()
+    a.answers.inaccessible().iter().zip(&b.answers.inaccessible()).filter(|(a, b)| a != b).count()
 }
 
 fn f1(guess: &[bool], truth: &[bool]) -> f64 {

@@ -39,11 +39,13 @@ fn main() -> deepmill::Result<()> {
     };
     let exact = labeler.answer(&sites, &cutter)?;
 
-    let mean = predicted.probability_inaccessible.iter().sum::<f32>() / sites.len() as f32;
-    println!("mean probability to be inaccessible: {mean:.3}");
+    if let Some(network) = predicted.network() {
+        let mean = network.probability_inaccessible.iter().sum::<f32>() / sites.len() as f32;
+        println!("mean probability to be inaccessible: {mean:.3}");
+    }
     let area = exact.inaccessible_area_share(&sites)?;
     println!("inaccessible share of the surface, exactly: {:.1} %", 100.0 * area);
-    let inaccessible = Confusion::of_labels(&predicted.inaccessible, &exact.inaccessible);
+    let inaccessible = Confusion::of_labels(&predicted.inaccessible(), &exact.inaccessible());
     println!("against the exact labels: F1 of the inaccessible class {:.3}", inaccessible.f1());
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! The answers of an engine, labeler or network, for the sites of one part and one cutter.
 //!
 //! The exact labeler ([`access::Labeler`](crate::access::Labeler)) and the network
-//! ([`model::Predictor`](crate::model::Predictor)) take the same [`Sites`] and the same
+//! ([`model::Predictor`](crate::model::Predictor)) take the same [`Sites`](crate::geom::Sites) and the same
 //! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
 //! *inaccessible*, *occlusion point*.
 
@@ -12,7 +12,8 @@ mod share_limit;
 mod site;
 mod spot_check;
 
-pub use site::{SiteAnswer, SiteAnswers};
+pub(crate) use checked::of_sites;
+pub use site::{NetworkEvidence, SiteAnswer, SiteAnswers};
 pub use spot_check::SpotCheck;
 #[doc(hidden)] // of files and of evaluation
 pub use spot_check::{CONFIDENCE, SpotChecked};

@@ -19,12 +19,12 @@
 
 use crate::access::Labels;
 use crate::access::surface::SurfaceLabels;
-use crate::answers::SiteAnswers;
+use crate::answers::{NetworkEvidence, SiteAnswers};
 use crate::geom::{Mesh, Sites};
 use crate::model::Prediction;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
 impl Sites {
     /// Sites from points and outward unit normals, both `[n, 3]`, mm.
@@ -93,10 +93,7 @@ macro_rules! views {
 }
 
 views!(SiteAnswers {
-    inaccessible_array of inaccessible: bool, "Per site: the cutter collides in every direction.";
     occlusion_array of occlusion: bool, "Per site: is an occlusion point; empty if not wanted.";
-    tip_does_not_fit_array of tip_does_not_fit: bool,
-        "Per site: only the tip is in the way; empty by the published definition.";
     accessible_directions_array of accessible_directions: u32,
         "Per site: number of accessible directions; empty from a network.";
     accessible_share_array of accessible_share: f32,
@@ -105,13 +102,26 @@ views!(SiteAnswers {
     rest_mm_array of rest_mm: f32, "Per site: what the tool leaves, mm; empty if not wanted.";
     rest_volume_mm3_array of rest_volume_mm3: f32,
         "Per site: volume of what is left, mm³; empty if not wanted.";
+});
+
+views!(NetworkEvidence {
     probability_inaccessible_array of probability_inaccessible: f32,
-        "Per site: probability of `inaccessible`; empty if exact.";
+        "Per site: probability that it is inaccessible.";
     probability_occlusion_array of probability_occlusion: f32,
-        "Per site: probability of `occlusion`; empty if exact.";
+        "Per site: probability that it is an occlusion point.";
 });
 
 impl SiteAnswers {
+    /// Per site: the cutter collides in every direction. A copy.
+    pub fn inaccessible_array(&self) -> Array1<bool> {
+        self.inaccessible().into()
+    }
+
+    /// Per site: only the tip is in the way; empty by the published definition. A copy.
+    pub fn tip_does_not_fit_array(&self) -> Array1<bool> {
+        self.tip_does_not_fit().into()
+    }
+
     /// Per site, `[n, 3]`: a direction in which it is accessible, NaN where there is none. A copy.
     pub fn witness_array(&self) -> Array2<f32> {
         let row = |k: usize| self.witness[k].map_or([f32::NAN; 3], |v| v.to_array());
@@ -204,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn every_list_of_an_answer_is_a_view_of_the_same_memory() {
+    fn every_list_of_evidence_is_a_view_of_the_same_memory() {
         let mut answers = SiteAnswers::new(vec![true, false], vec![false, true]);
         answers.witness = vec![None, Some(Vec3::Z)];
         answers.clearance_mm = vec![-0.5, 2.0];
@@ -212,6 +222,7 @@ mod tests {
         assert_eq!(view, array![-0.5, 2.0]);
         assert_eq!(view.as_ptr(), answers.clearance_mm.as_ptr());
         assert_eq!(answers.occlusion_array(), array![false, true]);
+        assert_eq!(answers.inaccessible_array(), array![true, false]);
         assert!(answers.rest_mm_array().is_empty());
         let witness = answers.witness_array();
         assert!(witness.row(0).iter().all(|x| x.is_nan()));

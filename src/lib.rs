@@ -32,10 +32,10 @@
 //! let labeler = Labeler::of_part(&part, &[], directions, SurfaceOptions::default())?;
 //! let exact = labeler.answer(&sites, &cutter)?;
 //! let share = exact.inaccessible_area_share(&sites)?; // of the surface
-//! let way = exact.witness[0]; // a direction in which the cutter can stand at site 0
+//! let way = exact.witness()[0]; // a direction in which the cutter can stand at site 0
 //!
 //! let predicted = Predictor::new(Model::shipped()?).answer_on(&part, &sites, &cutter)?;
-//! assert_eq!(exact.inaccessible.len(), predicted.inaccessible.len());
+//! assert_eq!(exact.len(), predicted.len());
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 //!

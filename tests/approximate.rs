@@ -2,35 +2,43 @@
 #![cfg(feature = "approx")]
 
 use approx::{abs_diff_eq, assert_abs_diff_eq, assert_relative_eq, relative_eq};
-use deepmill::answers::SiteAnswers;
+use deepmill::answers::{NetworkEvidence, SiteAnswers};
 use deepmill::model::{Model, UNetConfig};
 use glam::Vec3;
+use serde_json::{Value, json};
 
 fn answers() -> SiteAnswers {
-    let mut answers = SiteAnswers::new(vec![true, false], vec![false; 2]);
-    answers.probability_inaccessible = vec![0.9, 0.2];
-    answers.witness = vec![None, Some(Vec3::Z)];
-    answers
+    of([true, false], json!([null, [0.0, 0.0, 1.0]])).with_network(network([0.9, 0.2]))
+}
+
+fn of(inaccessible: [bool; 2], witness: Value) -> SiteAnswers {
+    let occlusion = [false; 2];
+    let answers = json!({"inaccessible": inaccessible, "occlusion": occlusion, "witness": witness});
+    serde_json::from_value(answers).unwrap()
+}
+
+fn network(probabilities: impl Into<Vec<f32>>) -> NetworkEvidence {
+    NetworkEvidence::new(probabilities.into(), vec![])
 }
 
 #[test]
 fn answers_are_near_if_decisions_are_the_same_and_numbers_near() {
-    let (exact, mut other) = (answers(), answers());
-    other.probability_inaccessible[0] += 1e-4;
-    other.witness[1] = Some(Vec3::new(1e-4, 0.0, 1.0));
+    let exact = answers();
+    let other = of([true, false], json!([null, [1e-4, 0.0, 1.0]]));
+    let other = other.with_network(network([0.9001, 0.2]));
     assert_abs_diff_eq!(exact, other, epsilon = 1e-3);
     assert_relative_eq!(exact, other, epsilon = 1e-3, max_relative = 1e-3);
     assert!(!abs_diff_eq!(exact, other) && !relative_eq!(exact, other));
-    let changes: [fn(&mut SiteAnswers); 4] = [
-        |answers| answers.inaccessible[1] = true,
-        |answers| answers.witness[1] = None,
-        |answers| answers.probability_inaccessible.truncate(1),
-        |answers| answers.probability_inaccessible[1] = f32::NAN,
+    let up = json!([null, [0.0, 0.0, 1.0]]);
+    let others = [
+        of([true, true], up.clone()).with_network(network([0.9, 0.2])),
+        of([true, false], json!([null, null])).with_network(network([0.9, 0.2])),
+        answers().with_network(network([0.9])),
+        answers().with_network(network([0.9, f32::NAN])),
+        of([true, false], up),
     ];
-    for change in changes {
-        let mut other = answers();
-        change(&mut other);
-        assert!(!abs_diff_eq!(exact, other, epsilon = 10.0));
+    for other in others {
+        assert!(!abs_diff_eq!(exact, other, epsilon = 10.0), "{other:?}");
     }
 }
 

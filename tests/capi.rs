@@ -122,13 +122,13 @@ fn answers_have_the_bits_of_the_library_for_every_number_of_threads() {
             let (answers, surface) = (&of.labels.answers, of.labels.surface.as_ref().unwrap());
             let codes: Vec<u8> = surface.answers.iter().map(|answer| *answer as u8).collect();
             assert_eq!(library.bytes(outcome, tool, DM_ANSWERS), codes);
-            assert_eq!(library.floats(outcome, tool, DM_REST_MM), answers.rest_mm);
+            assert_eq!(library.floats(outcome, tool, DM_REST_MM), answers.rest_mm());
             let volume = library.floats(outcome, tool, DM_REST_VOLUME_MM3);
-            assert_eq!(volume, answers.rest_volume_mm3);
+            assert_eq!(volume, answers.rest_volume_mm3());
             let share = library.floats(outcome, tool, DM_ACCESSIBLE_SHARE);
-            assert_eq!(share, answers.accessible_share);
+            assert_eq!(share, answers.accessible_share());
             let counts = library.wholes(outcome, tool, DM_ACCESSIBLE_DIRECTIONS);
-            assert_eq!(counts, answers.accessible_directions);
+            assert_eq!(counts, answers.accessible_directions());
             let open = library.floats(outcome, tool, DM_OPEN_DIRECTIONS);
             assert_eq!(open, surface.open_directions);
             assert_eq!(library.doubles(outcome, tool, DM_TOLERANCE_MM), surface.tolerance_mm);
@@ -136,7 +136,7 @@ fn answers_have_the_bits_of_the_library_for_every_number_of_threads() {
             assert_eq!(numbers, of.findings.of_site);
             let witness = library.floats(outcome, tool, DM_WITNESS);
             let tips = library.doubles(outcome, tool, DM_TIP_MM);
-            for (i, found) in answers.witness.iter().enumerate() {
+            for (i, found) in answers.witness().iter().enumerate() {
                 let rows = 3 * i..3 * i + 3;
                 let pose = surface.witness[i].map(|pose| pose.tip_mm.to_array());
                 match found {

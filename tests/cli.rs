@@ -4,6 +4,7 @@
 mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, json, label_tools, stl, text};
+use deepmill::answers::SiteAnswer;
 use deepmill::data::files::volume::{PointAnswer, VolumeFile};
 use deepmill::data::files::{LabelFile, PredictionFile};
 use deepmill::model::Prediction;
@@ -134,15 +135,15 @@ fn label_writes_files_that_read_back_and_do_not_depend_on_threads() {
     let close = |name: &str, flags: &[bool]| {
         (result[name].as_f64().unwrap() - areas.share(|i| flags[i])).abs() < 1e-15
     };
-    assert!(close("inaccessible", &file.labels.answers.inaccessible), "{result}");
+    assert!(close("inaccessible", &file.labels.answers.inaccessible()), "{result}");
     assert!(close("accessible", &file.labels.answers.accessible()), "{result}");
-    assert!(close("occlusion", &file.labels.answers.occlusion), "{result}");
+    assert!(close("occlusion", file.labels.answers.occlusion()), "{result}");
     // All but a rim as wide as the cutter is long, which a horizontal tool reaches: 25 × 15 of 5,200 mm².
-    let underside = share(&file.labels.answers.inaccessible);
+    let underside = share(&file.labels.answers.inaccessible());
     assert!((0.05..0.09).contains(&underside), "the middle of the underside is out of reach");
-    let top =
-        file.sites.normals.iter().zip(&file.labels.answers.inaccessible).filter(|(n, _)| n.z > 0.5);
-    assert!(top.into_iter().all(|(_, inaccessible)| !inaccessible), "the top is in reach");
+    let mut top = (0..file.sites.len()).filter(|&i| file.sites.normals[i].z > 0.5);
+    let is_in_reach = |i| file.labels.answers.of(i) != SiteAnswer::Inaccessible;
+    assert!(top.all(is_in_reach), "the top is in reach");
     assert_eq!(file.provenance.cutter.to_array(), [1.5, 6.0, 40.0, 5.0]);
     assert_eq!(file.provenance.part, "block.stl");
     let (other, _) = run("3");
@@ -172,7 +173,11 @@ fn label_answers_by_the_mesh_definition_and_says_so() {
     assert_eq!(result["definition"], "mesh definition");
     let surface = file.labels.surface.as_ref().unwrap();
     for (i, normal) in file.sites.normals.iter().enumerate() {
-        assert_eq!(file.labels.answers.inaccessible[i], normal.z < -0.5, "only the underside");
+        assert_eq!(
+            file.labels.answers.of(i) == SiteAnswer::Inaccessible,
+            normal.z < -0.5,
+            "only the underside"
+        );
         assert_eq!(surface.collision_free_directions[i], u32::from(normal.z > -0.5));
         assert_eq!(surface.witness[i].is_some(), normal.z > -0.5);
         assert_eq!(surface.tolerance_mm[i], 0.01);
@@ -188,8 +193,8 @@ fn label_answers_by_the_mesh_definition_and_says_so() {
         assert!(!(accessible && under_clamp(i)), "{}", file.sites.points[i]);
     }
     let (result, clear) = run(&["--clearance-limit", "2"]);
-    assert_eq!(clear.labels.answers.inaccessible, file.labels.answers.inaccessible);
-    for (i, clearance) in clear.labels.answers.clearance_mm.iter().enumerate() {
+    assert_eq!(clear.labels.answers.inaccessible(), file.labels.answers.inaccessible());
+    for (i, clearance) in clear.labels.answers.clearance_mm().iter().enumerate() {
         assert!(clearance.abs() <= 2.0 && (*clearance > 0.0) == (file.sites.normals[i].z > -0.5));
     }
     assert!(result["clearance_median_mm"].as_f64().is_some_and(|c| c > 0.0));
@@ -401,7 +406,7 @@ fn accessible_is_one_number_whether_occlusion_is_shown_or_not() {
         assert_eq!(has_box, checked.is_some(), "{more:?}");
         assert_eq!(page.contains("data-layer checked"), checked == Some(true), "{more:?}");
         let file = LabelFile::read(folder.path("out/labels.npz").as_ref()).unwrap();
-        assert_eq!(file.labels.answers.occlusion.is_empty(), checked.is_none(), "{more:?}");
+        assert_eq!(file.labels.answers.occlusion().is_empty(), checked.is_none(), "{more:?}");
         assert_eq!(result.get("occlusion").is_some(), checked.is_some(), "{more:?}");
     }
     // Who limits occlusion asks for it.
@@ -422,8 +427,8 @@ fn report_draws_again_and_compares() {
         flags.iter().enumerate().map(|f| [0.5, yes(f)]).collect()
     };
     let mut prediction = Prediction::default();
-    prediction.logits_inaccessible = logits(&file.labels.answers.inaccessible, 0);
-    prediction.logits_occlusion = logits(&file.labels.answers.occlusion, 200);
+    prediction.logits_inaccessible = logits(&file.labels.answers.inaccessible(), 0);
+    prediction.logits_occlusion = logits(file.labels.answers.occlusion(), 200);
     let predictions = PredictionFile::new(file.provenance.clone(), file.sites.clone(), prediction);
     let guess = folder.path("guess.npz");
     predictions.write(guess.as_ref()).unwrap();

@@ -215,7 +215,7 @@ fn a_site_is_accessible_exactly_if_some_row_has_it_and_one_that_the_tip_does_not
         let path = folder.path(&format!("{out}/safety_status.txt"));
         assert!(safety::read(Path::new(&path)).unwrap() == accessible, "{out}");
         assert!(accessible.contains(&true) && accessible.contains(&false), "{out}");
-        let tip = found.labels.answers.tip_does_not_fit;
+        let tip = found.labels.answers.tip_does_not_fit();
         assert_eq!(out == "wide", tip.contains(&true), "{out}");
     }
 }

@@ -456,7 +456,7 @@ fn units_and_clouds_give_the_same_labels() {
         assert!(output.status.success(), "{}", text(&output.stderr));
         let second = LabelFile::read(&Path::new(&again).join("labels.npz")).unwrap();
         assert_eq!(second.sites.points, first.sites.points);
-        assert_eq!(second.labels.answers.inaccessible, first.labels.answers.inaccessible);
+        assert_eq!(second.labels.answers.inaccessible(), first.labels.answers.inaccessible());
         assert_eq!(second.labels.beta, first.labels.beta);
         assert!(Path::new(&again).join("labels.png").is_file());
         assert!(!Path::new(&again).join("part.stl").exists());

@@ -4,6 +4,7 @@
 mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, json, stl, text};
+use deepmill::answers::{SiteAnswer, SiteAnswers};
 use deepmill::data::files::{LabelFile, PredictionFile};
 use deepmill::model::Model;
 use std::process::Output;
@@ -75,9 +76,9 @@ fn all_sites_verified_are_the_labels_and_some_keep_the_bound() {
     let (result, file) = verify(&["all"]);
     let all = file.verified.unwrap();
     assert_eq!((result["verified"].as_f64(), all.n_verified()), (Some(1.0), 900));
-    assert_eq!(all.answers.inaccessible, labels.answers.inaccessible);
-    assert_eq!(all.answers.tip_does_not_fit, labels.answers.tip_does_not_fit);
-    assert_eq!(all.answers.occlusion, labels.answers.occlusion);
+    assert_eq!(all.answers.inaccessible(), labels.answers.inaccessible());
+    assert_eq!(all.answers.tip_does_not_fit(), labels.answers.tip_does_not_fit());
+    assert_eq!(all.answers.occlusion(), labels.answers.occlusion());
     assert_eq!(all.beta, labels.beta);
     let (labeled, predicted) = (folder.path("label"), folder.path("predict/predictions.npz"));
     let compared = ["report", &labeled, "--compare", &predicted, "--json"];
@@ -94,11 +95,12 @@ fn all_sites_verified_are_the_labels_and_some_keep_the_bound() {
     assert_eq!(result["spot_check"]["limit"].as_f64(), Some(check.limit));
     assert!((1..900).contains(&some.n_verified()), "{}", some.n_verified());
     let of_network = file.prediction.answers();
+    let is = |answers: &SiteAnswers, i| answers.of(i) == SiteAnswer::Inaccessible;
     let mut n_wrong = 0;
     for i in 0..900 {
         let expected = if some.verified[i] { &labels.answers } else { &of_network };
-        assert_eq!(some.answers.inaccessible[i], expected.inaccessible[i], "{i}");
-        n_wrong += usize::from(some.answers.inaccessible[i] != labels.answers.inaccessible[i]);
+        assert_eq!(is(&some.answers, i), is(expected, i), "{i}");
+        n_wrong += usize::from(is(&some.answers, i) != is(&labels.answers, i));
     }
     assert!(n_wrong as f64 <= 0.1 * (900 - some.n_verified()) as f64, "{n_wrong}");
     let (_, other) = verify(&["0.1", "--threads", "1"]);

@@ -29,7 +29,7 @@ fn the_rest_of_every_site_is_in_the_files_and_can_be_limited() {
     let file = LabelFile::read(folder.path("out/labels.npz").as_ref()).unwrap();
     let answers = &file.labels.answers;
     let (accessible, mut most, mut n_corner) = (answers.accessible(), 0f32, 0);
-    for (i, rest) in answers.rest_mm.iter().enumerate() {
+    for (i, rest) in answers.rest_mm().iter().enumerate() {
         let (p, n) = (file.sites.points[i], file.sites.normals[i]);
         assert!(!accessible[i] || *rest == 0.0);
         most = most.max(*rest);
@@ -57,7 +57,7 @@ fn the_rest_of_every_site_is_in_the_files_and_can_be_limited() {
     assert!(run(&["--no-picture", "--fail-if", "rest>5mm"]).status.success());
     let volume = |f: &serde_json::Value| f["left_mm3"].as_f64().unwrap();
     let of_all: f64 = findings.iter().map(volume).sum();
-    let of_sites: f64 = answers.rest_volume_mm3.iter().map(|v| f64::from(*v)).sum();
+    let of_sites: f64 = answers.rest_volume_mm3().iter().map(|v| f64::from(*v)).sum();
     assert!(of_all > 0.0 && of_all < 1.001 * of_sites, "{of_all} {of_sites}");
     let most = result["findings"]["most_left_mm3"].as_f64().unwrap();
     let gate = |mm3: f64| run(&["--no-picture", "--fail-if", &format!("finding>{mm3}mm3")]);
@@ -98,7 +98,7 @@ fn a_t_slot_cutter_leaves_what_its_neck_keeps_it_from() {
     json(&deepmill(&[&args[..], &more].concat()));
     let file = LabelFile::read(folder.path("out/cutter/labels.npz").as_ref()).unwrap();
     let mut n_walls = 0;
-    for (i, rest) in file.labels.answers.rest_mm.iter().enumerate() {
+    for (i, rest) in file.labels.answers.rest_mm().iter().enumerate() {
         let (p, n) = (file.sites.points[i], file.sites.normals[i]);
         // At the ends the cutter reaches around the lips.
         let is_inner = (-30.0..-10.0).contains(&p.y);

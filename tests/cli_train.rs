@@ -114,7 +114,7 @@ fn a_data_set_by_the_mesh_definition_is_told_apart_from_a_published_one() {
     assert!(deepmill(&part).status.success());
     let labels = |folder: &str| {
         let set = deepmill::data::dataset::Dataset::open(Path::new(folder)).unwrap();
-        let of_sample = |s: deepmill::data::Sample| s.answers.inaccessible;
+        let of_sample = |s: deepmill::data::Sample| s.answers.inaccessible();
         (
             set.manifest.settings.part_itself,
             set.samples(None).unwrap().into_iter().map(of_sample).collect::<Vec<_>>(),

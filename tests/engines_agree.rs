@@ -102,7 +102,8 @@ fn assert_engines_agree<'a>(
 
 fn assert_same(found: &Labels, expected: &Labels, place: &str) {
     assert_eq!(
-        found.answers.accessible_directions, expected.answers.accessible_directions,
+        found.answers.accessible_directions(),
+        expected.answers.accessible_directions(),
         "{place}: directions"
     );
     assert_eq!(found.witness, expected.witness, "{place}: witness");
@@ -244,7 +245,7 @@ fn engines_agree_on_other_obstacles_and_volumes() {
     assert_engines_agree(&scene, Obstacles::Points(&dense), &cutters, &few, "points");
     assert_engines_agree(&scene, Obstacles::Points(&[]), &cutters, &few, "no obstacles");
     let both = assert_engines_agree(&scene, Obstacles::QueriesAnd(&dense), &cutters, &few, "both");
-    assert_eq!((both[0].beta.len(), both[0].answers.occlusion.len()), (1400, 300));
+    assert_eq!((both[0].beta.len(), both[0].answers.occlusion().len()), (1400, 300));
     let volume = Queries::Volume(&space);
     assert_engines_agree(volume, Obstacles::Points(&dense), &cutters, &few, "volume");
 }
@@ -344,8 +345,8 @@ fn labels_do_not_depend_on_whether_occlusion_is_labeled() {
                 let labels = label(&scene, Obstacles::Queries, cutter, &hemisphere(10), &options);
                 let labels = labels.unwrap();
                 (
-                    labels.answers.inaccessible,
-                    labels.answers.accessible_directions,
+                    labels.answers.inaccessible(),
+                    labels.answers.accessible_directions().to_vec(),
                     labels.witness,
                     labels.collision_matrix,
                 )

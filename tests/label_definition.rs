@@ -25,15 +25,15 @@ fn clearance_is_the_growth_at_which_the_label_flips() {
             with_threads(n, work).unwrap()
         };
         let labels = run(1);
-        assert_eq!(labels.answers.clearance_mm, run(3).answers.clearance_mm);
-        for (i, &clearance) in labels.answers.clearance_mm.iter().enumerate() {
+        assert_eq!(labels.answers.clearance_mm(), run(3).answers.clearance_mm());
+        for (i, &clearance) in labels.answers.clearance_mm().iter().enumerate() {
             let by_formula =
                 clearance_by_formula(&scene, i, cutter, &few).clamp(-limit_mm, limit_mm);
             assert!(
                 (f64::from(clearance) - by_formula).abs() < 1e-4,
                 "{i}: {clearance} {by_formula}"
             );
-            assert!(if labels.answers.inaccessible[i] {
+            assert!(if labels.answers.inaccessible()[i] {
                 clearance <= 0.0
             } else {
                 clearance >= 0.0
@@ -42,11 +42,11 @@ fn clearance_is_the_growth_at_which_the_label_flips() {
         for growth in [-2.0, -0.3, 0.4, 3.0] {
             let grown = cutter.grown(growth).unwrap();
             let flipped = label(&scene, Obstacles::Queries, &grown, &few, &options).unwrap();
-            for (i, &clearance) in labels.answers.clearance_mm.iter().enumerate() {
+            for (i, &clearance) in labels.answers.clearance_mm().iter().enumerate() {
                 let away = f64::from(clearance) - growth;
                 if away.abs() > 1e-4 {
                     assert_eq!(
-                        flipped.answers.inaccessible[i],
+                        flipped.answers.inaccessible()[i],
                         away < 0.0,
                         "{i}: {clearance} {growth}"
                     );
@@ -97,9 +97,9 @@ fn definition_holds_on_a_case_done_by_hand() {
             let obstacles = [obstacle];
             let labels =
                 label(&query, Obstacles::Points(&obstacles), &cutter, &up, &options).unwrap();
-            assert_eq!(labels.answers.inaccessible, [expected], "{what}, {engine:?}");
+            assert_eq!(labels.answers.inaccessible(), [expected], "{what}, {engine:?}");
             assert_eq!(labels.beta, [u64::from(expected)], "{what}, {engine:?}");
-            assert_eq!(labels.answers.occlusion, [expected], "{what}, {engine:?}");
+            assert_eq!(labels.answers.occlusion(), [expected], "{what}, {engine:?}");
             assert_eq!(labels.witness, [(!expected).then_some(0)], "{what}, {engine:?}");
         }
     }

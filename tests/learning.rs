@@ -2,6 +2,7 @@
 #![cfg(feature = "generate")]
 
 use deepmill::access::{LabelOptions, Obstacles, label};
+use deepmill::answers::SiteAnswers;
 use deepmill::cutter::{Cutter, CutterParams};
 use deepmill::data::generated::{Family, part};
 use deepmill::data::{Augment, Sample};
@@ -122,8 +123,8 @@ fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_label
     let mut whole = Run::new(settings.clone()).unwrap();
     assert!(whole.train(&online(&samples), &[], &mut ()).unwrap().is_continue());
     for sample in &mut samples {
-        sample.answers.inaccessible.fill(false);
-        sample.answers.occlusion.fill(false);
+        let none = vec![false; sample.sites.len()];
+        sample.answers = SiteAnswers::new(none.clone(), none);
     }
     let path = tempfile::tempdir().unwrap().path().join("checkpoint.safetensors");
     for stop in [1, 2, 5] {
@@ -154,11 +155,12 @@ fn the_shipped_network_beats_the_baselines_on_the_demo_part() {
     let model = Model::shipped().unwrap();
     let answer = model.predict(&sites.points, &sites.normals, cutter.to_array()).unwrap().answers();
     let f1 = |found: &[bool], truth: &[bool]| Confusion::of_labels(found, truth).f1();
-    let truth = &labels.answers.inaccessible;
+    let truth = &labels.answers.inaccessible();
     let min_z = baselines::best_facing(&sites.normals, truth);
     let angle = f1(&baselines::facing_away(&sites.normals, min_z), truth);
-    let highest = f1(&baselines::highest(&sites.points, 0.1), &labels.answers.occlusion);
-    let found = [f1(&answer.inaccessible, truth), f1(&answer.occlusion, &labels.answers.occlusion)];
+    let highest = f1(&baselines::highest(&sites.points, 0.1), labels.answers.occlusion());
+    let found =
+        [f1(&answer.inaccessible(), truth), f1(answer.occlusion(), labels.answers.occlusion())];
     assert!(found[0] > angle && found[1] > highest, "{found:?} against {angle} and {highest}");
 }
 

@@ -90,15 +90,15 @@ fn labels_of_three_parts_and_four_cutters_are_pinned() {
                     let options = LabelOptions::default();
                     let labels =
                         label(sites, Obstacles::Queries, &cutter, &directions, &options).unwrap();
-                    add(&mut hash, labels.answers.inaccessible.iter().map(|&l| [u8::from(l)]));
+                    add(&mut hash, labels.answers.inaccessible().iter().map(|&l| [u8::from(l)]));
                     let witness = labels.witness.iter().map(|w| w.unwrap_or(u32::MAX));
                     add(&mut hash, witness.map(u32::to_le_bytes));
                     add(
                         &mut hash,
-                        labels.answers.accessible_directions.iter().map(|n| n.to_le_bytes()),
+                        labels.answers.accessible_directions().iter().map(|n| n.to_le_bytes()),
                     );
                     add(&mut hash, labels.beta.iter().map(|n| n.to_le_bytes()));
-                    add(&mut hash, labels.answers.occlusion.iter().map(|&l| [u8::from(l)]));
+                    add(&mut hash, labels.answers.occlusion().iter().map(|&l| [u8::from(l)]));
                 }
             }
             hash

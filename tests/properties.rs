@@ -4,7 +4,6 @@ use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 use deepmill::access::{
     Engine, LabelOptions, Labels, Obstacles, Queries, gouges, label, label_many,
 };
-use deepmill::answers::SiteAnswers;
 use deepmill::cutter::{Cutter, CutterParams};
 use deepmill::directions::{DirectionSet, Directions};
 use deepmill::geom::sites::{SiteOptions, sample};
@@ -55,8 +54,9 @@ fn turn(v: Vec3) -> Vec3 {
 
 /// What a labeling says that does not depend on the order of directions.
 fn said(labels: &Labels) -> (Vec<u32>, Vec<u64>, Vec<bool>) {
-    let SiteAnswers { accessible_directions, occlusion, .. } = &labels.answers;
-    (accessible_directions.clone(), labels.beta.clone(), occlusion.clone())
+    let accessible_directions = labels.answers.accessible_directions();
+    let occlusion = labels.answers.occlusion();
+    (accessible_directions.to_vec(), labels.beta.clone(), occlusion.to_vec())
 }
 
 proptest! {
@@ -91,7 +91,7 @@ proptest! {
         let found = labels(&permuted, Obstacles::Queries, &cutter, &directions);
         for (p, &i) in order.iter().enumerate() {
             let of = |l: &Labels, i: usize| {
-                (l.answers.inaccessible[i], l.answers.accessible_directions[i], l.beta[i], l.witness[i])
+                (l.answers.of(i), l.answers.accessible_directions()[i], l.beta[i], l.witness[i])
             };
             prop_assert_eq!(of(&found, p), of(&expected, i));
         }
@@ -104,7 +104,7 @@ proptest! {
         let directions = Directions::fibonacci_hemisphere(7).unwrap();
         let open = |obstacles, lengths| {
             let labels = labels(&sites, obstacles, &ball_end(lengths), &directions);
-            labels.answers.accessible_directions
+            labels.answers.accessible_directions().to_vec()
         };
         let none_closer = |less: &[u32], more: &[u32]| less.iter().zip(more).all(|(l, m)| l <= m);
         let before = open(Obstacles::Queries, lengths);
@@ -138,7 +138,7 @@ proptest! {
         let mut beta = vec![0u64; n];
         for i in 0..n {
             let n_open = AXES.into_iter().filter(|axis| is_open(i, *axis)).count();
-            prop_assert_eq!(found.answers.accessible_directions[i] as usize, n_open);
+            prop_assert_eq!(found.answers.accessible_directions()[i] as usize, n_open);
             if n_open == 0 {
                 for axis in AXES {
                     (0..n).for_each(|j| beta[j] += u64::from(hits(i, axis, j)));

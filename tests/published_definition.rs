@@ -52,8 +52,8 @@ fn labels_are_those_of_plain_loops() {
         let plain = published_rule::label(&part.points, &part.normals, lengths, 1.0, None);
         let found = Labeler::published().label(&part, &cutter).unwrap();
         assert!(plain.n_bottom > 50);
-        assert_eq!(found.answers.inaccessible, plain.inaccessible, "{tool}");
-        assert_eq!(found.answers.occlusion, plain.occlusion, "{tool}");
+        assert_eq!(found.answers.inaccessible(), plain.inaccessible, "{tool}");
+        assert_eq!(found.answers.occlusion(), plain.occlusion, "{tool}");
         let n_occlusion = found.answers.n_occlusion();
         assert_eq!(n_occlusion, (420 - plain.n_bottom) / 10);
         assert_eq!(LabelOptions::published().n_occlusion(&part.points), n_occlusion);
@@ -74,13 +74,16 @@ fn centroids_decide_and_vertices_are_ranked() {
     let lengths = [1.02, 0.515, 43.2, 5.75];
     let Sites { points, normals, .. } = &vertices;
     let plain = published_rule::label(points, normals, lengths, 1.0, Some(&centroids));
-    assert_eq!(found.answers.inaccessible, plain.inaccessible);
-    assert_eq!(found.answers.occlusion, plain.occlusion);
+    assert_eq!(found.answers.inaccessible(), plain.inaccessible);
+    assert_eq!(found.answers.occlusion(), plain.occlusion);
     assert_eq!(found.beta.len(), vertices.len());
     assert!(found.answers.n_inaccessible() > 20 && found.answers.n_occlusion() > 20);
     // Collisions are those of the centroids alone.
     let alone = label(&vertices, Obstacles::Points(&centroids), &cutter, &directions, &options);
-    assert_eq!(found.answers.accessible_directions, alone.unwrap().answers.accessible_directions);
+    assert_eq!(
+        found.answers.accessible_directions(),
+        alone.unwrap().answers.accessible_directions()
+    );
 }
 
 #[test]
@@ -94,17 +97,17 @@ fn the_bottom_is_accessible_by_the_rule_and_keeps_its_counts() {
     let plain = LabelOptions::default().with_clearance_limit_mm(Some(5.0));
     let ruled = LabelOptions::published().with_clearance_limit_mm(Some(5.0));
     let (plain, ruled) = (run(&plain), run(&ruled));
-    assert_eq!(plain.answers.accessible_directions, ruled.answers.accessible_directions);
+    assert_eq!(plain.answers.accessible_directions(), ruled.answers.accessible_directions());
     assert_eq!(
-        (&plain.witness, &plain.answers.clearance_mm),
-        (&ruled.witness, &ruled.answers.clearance_mm)
+        (&plain.witness, plain.answers.clearance_mm()),
+        (&ruled.witness, ruled.answers.clearance_mm())
     );
     let mut n_turned = 0;
     for i in 0..part.len() {
         let at_bottom = part.points[i].z < 1.0;
-        let [before, after] = [&plain, &ruled].map(|labels| labels.answers.inaccessible[i]);
+        let [before, after] = [&plain, &ruled].map(|labels| labels.answers.inaccessible()[i]);
         assert_eq!(after, before && !at_bottom, "{i}");
-        assert!(!at_bottom || !ruled.answers.occlusion[i], "{i}");
+        assert!(!at_bottom || !ruled.answers.occlusion()[i], "{i}");
         n_turned += usize::from(before != after);
     }
     assert!(n_turned > 50, "{n_turned}");

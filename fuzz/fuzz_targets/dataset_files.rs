@@ -14,8 +14,7 @@ use std::sync::LazyLock;
 static MANIFEST: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let points = (0..6).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect();
     let sites = Sites::new(points, vec![Vec3::Z; 6]).expect("finite points");
-    let mut answers = SiteAnswers::new(vec![true; 6], vec![false; 6]);
-    answers.accessible_directions = vec![0; 6];
+    let answers = SiteAnswers::new(vec![true; 6], vec![false; 6]);
     let sample = Sample::new("part", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers);
     let settings = DatasetSettings::default().with_n_sites(6).with_min_edge_mm(None);
     let path = scratch::file("set/any", &[]);

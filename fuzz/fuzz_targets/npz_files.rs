@@ -37,8 +37,8 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
     };
     let labels = LabelFile::new(provenance(), sites.clone(), labels);
     let prediction = prediction.expect("a prediction");
-    let (n, mut answers) = (sites.len(), prediction.answers());
-    answers.tip_does_not_fit = vec![false; n];
+    let (n, network) = (sites.len(), prediction.answers().network().cloned());
+    let answers = labels.labels.answers.clone().with_network(network.expect("probabilities"));
     let mut verified = Verified::default();
     (verified.answers, verified.verified) = (answers, vec![true; n]);
     (verified.beta, verified.counted) = (vec![0; n], vec![false; n]);

@@ -14,7 +14,7 @@ use super::problem::{Obstacles, PlacedCutter, Queries, Scene};
 use super::pruned::{BetaBounds, Pruned};
 use super::reference::Reference;
 use super::stats::Stats;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::simd::Isa;
@@ -41,8 +41,8 @@ use crate::{Result, par};
 /// let options = access::LabelOptions::default();
 /// let labels =
 ///     access::label(&sites, access::Obstacles::Queries, &cutter, &directions, &options)?;
-/// assert_eq!(labels.answers.accessible_directions[1], 150);
-/// assert!(labels.answers.accessible_directions[0] < 150);
+/// assert_eq!(labels.answers.accessible_directions()[1], 150);
+/// assert!(labels.answers.accessible_directions()[0] < 150);
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 pub fn label<'a>(
@@ -99,7 +99,7 @@ pub fn label_many<'a>(
     let mut labels = label_scene(scene, cutters, &frames, &at_once);
     if let Some(ranked) = ranked_apart {
         for (labels, cutter) in labels.iter_mut().zip(cutters) {
-            let tool = (cutter, &labels.answers.inaccessible[..]);
+            let tool = (cutter, &labels.answers.inaccessible()[..]);
             labels.beta = count_apart(&ranked, tool, &frames, options);
         }
     }
@@ -150,7 +150,7 @@ fn label_scene(
                 run(&Pruned { scene: &scene, isa }, &scene, cutters, frames, &counting);
             if options.occlusion && !counted {
                 for (labels, cutter) in labels.iter_mut().zip(cutters) {
-                    let tool = (cutter, &labels.answers.inaccessible[..]);
+                    let tool = (cutter, &labels.answers.inaccessible()[..]);
                     labels.beta = count_occluding(&scene, tool, frames, options);
                 }
             }
@@ -294,7 +294,7 @@ fn count_by<M: Method>(
     (cutter, marked): (&Cutter, &[bool]),
     frames: &[Frame],
 ) -> Vec<u64> {
-    let answers = SiteAnswers { inaccessible: marked.to_vec(), ..SiteAnswers::default() };
+    let answers = SiteAnswers::new(marked.to_vec(), Vec::new());
     let mut labels = [Labels { answers, ..Labels::default() }];
     let cutter = PlacedCutter::new(scene, cutter);
     count(method, scene, &[cutter], frames, &mut labels);
@@ -314,8 +314,11 @@ fn run<M: Method>(
     let order = group_by_reference_point(&mut cutters);
     let mut labels = collide(method, scene, &cutters, &order, frames);
     for labels in &mut labels {
-        let inaccessible = labels.answers.inaccessible.iter_mut();
-        inaccessible.zip(&scene.bottom).for_each(|(marked, &at_bottom)| *marked &= !at_bottom);
+        for (answer, _) in
+            labels.answers.of_sites.iter_mut().zip(&scene.bottom).filter(|(_, at)| **at)
+        {
+            *answer = SiteAnswer::Accessible;
+        }
     }
     if options.occlusion {
         count(method, scene, &cutters, frames, &mut labels);
@@ -359,7 +362,8 @@ fn collide<M: Method>(
     let labels = rows.into_iter().zip(stats).map(|(rows, stats)| {
         let matrix = CollisionMatrix::new(n_queries, rows);
         let (inaccessible, accessible_directions, witness) = matrix.summary();
-        let answers = SiteAnswers { inaccessible, accessible_directions, ..SiteAnswers::default() };
+        let answers = SiteAnswers::new(inaccessible, Vec::new());
+        let answers = SiteAnswers { accessible_directions, ..answers };
         Labels {
             answers: answers.with_shares_of(matrix.n_dirs()),
             witness,
@@ -380,7 +384,7 @@ fn count<M: Method>(
     labels: &mut [Labels],
 ) {
     let restrict = |(cutter, labels): (&PlacedCutter, &Labels)| {
-        cutter.restricted_to(&indices(&labels.answers.inaccessible))
+        cutter.restricted_to(&indices(&labels.answers.inaccessible()))
     };
     let cutters: Vec<PlacedCutter> = cutters.iter().zip(&*labels).map(restrict).collect();
     let zeros = || cutters.iter().map(|_| vec![0; scene.obstacles.n]).collect::<Vec<Vec<u64>>>();
@@ -456,7 +460,7 @@ mod tests {
                 assert_eq!((&few.answers, few.beta.len()), (&all.answers, 0));
                 let n_top = n_of_share(share, sites.len());
                 let obstacles = (Obstacles::Queries, Counted::Greatest(n_top));
-                let marked = &all.answers.inaccessible;
+                let marked = &all.answers.inaccessible();
                 let found =
                     count_for((&sites).into(), obstacles, &cutter, &directions, marked).unwrap();
                 let mut greatest = all.beta.clone();

@@ -25,8 +25,8 @@ use crate::geom::{Mesh, Sites};
 /// let labeler = Labeler::published();
 /// let predictor = Predictor::new(Model::shipped()?).allow_out_of_domain(); // two sites are few
 /// let (exact, predicted) = (labeler.answer(&sites, &cutter)?, predictor.answer(&sites, &cutter)?);
-/// assert_eq!(exact.inaccessible.len(), predicted.inaccessible.len());
-/// assert!(!exact.inaccessible[0] && exact.witness[1].is_some());
+/// assert_eq!(exact.inaccessible().len(), predicted.inaccessible().len());
+/// assert!(!exact.inaccessible()[0] && exact.witness()[1].is_some());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug)]
@@ -127,9 +127,9 @@ mod tests {
             assert!((0..300).all(|i| reached[i] || sites.normals[i].z < 0.9), "the top");
             assert_eq!((answers.occlusion.len(), answers.accessible_directions.len()), (300, 300));
         }
-        assert!(by_sites.answer(&sites, &cutter).unwrap().tip_does_not_fit.is_empty());
+        assert!(by_sites.answer(&sites, &cutter).unwrap().tip_does_not_fit().is_empty());
         let about_part = by_part.answer(&sites, &cutter).unwrap();
-        assert_eq!(about_part.tip_does_not_fit.len(), 300);
+        assert_eq!(about_part.tip_does_not_fit().len(), 300);
         assert!(about_part.n_inaccessible() > 0, "the underside");
     }
 }

@@ -63,7 +63,7 @@ impl Order {
     }
 
     /// One value per query in the order as given.
-    pub fn restore_queries<T: Copy + Default>(&self, values: Vec<T>) -> Vec<T> {
+    pub fn restore_queries<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
         scatter(&self.queries, values)
     }
 
@@ -71,7 +71,7 @@ impl Order {
     pub fn restore(&self, labels: Labels) -> Labels {
         Labels {
             answers: SiteAnswers {
-                inaccessible: scatter(&self.queries, labels.answers.inaccessible),
+                of_sites: scatter(&self.queries, labels.answers.of_sites),
                 accessible_directions: scatter(&self.queries, labels.answers.accessible_directions),
                 accessible_share: scatter(&self.queries, labels.answers.accessible_share),
                 ..labels.answers
@@ -84,8 +84,9 @@ impl Order {
     }
 }
 
-fn scatter<T: Copy + Default>(order: &[u32], values: Vec<T>) -> Vec<T> {
-    let mut restored = vec![T::default(); values.len()];
+fn scatter<T: Copy>(order: &[u32], values: Vec<T>) -> Vec<T> {
+    let Some(&any) = values.first() else { return values };
+    let mut restored = vec![any; values.len()];
     values.into_iter().zip(order).for_each(|(value, &i)| restored[i as usize] = value);
     restored
 }

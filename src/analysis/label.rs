@@ -161,7 +161,7 @@ impl Placed {
                 triangles.blocking_parts_of(sites, held, directions, answered)?
             }
             _ => {
-                let inaccessible = &labels.answers.inaccessible;
+                let inaccessible = &labels.answers.inaccessible();
                 blocking_parts_among_points(sites, points, held, directions, inaccessible)?
             }
         };

@@ -37,7 +37,7 @@ use std::time::Instant;
 /// let outcome = analysis.clone().place(&mut ())?.predict(&request, &mut ())?;
 /// let exact = analysis.run(&mut ())?;
 /// let answers = outcome.predictions()[0].file.answers();
-/// assert_eq!(answers.inaccessible, exact.answers()[0].labels.answers.inaccessible);
+/// assert_eq!(answers.inaccessible(), exact.answers()[0].labels.answers.inaccessible());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug, Clone)]

@@ -180,8 +180,5 @@ impl ToolsOutcome {
 }
 
 fn answers(reach: &ToolReach) -> SiteAnswers {
-    let is = |wanted: SiteAnswer| reach.answers.iter().map(|answer| *answer == wanted).collect();
-    let mut answers = SiteAnswers::new(is(SiteAnswer::Inaccessible), Vec::new());
-    answers.tip_does_not_fit = is(SiteAnswer::TipDoesNotFit);
-    answers
+    SiteAnswers::by_mesh(reach.answers.clone())
 }

@@ -30,11 +30,11 @@ impl RelativeEq for SiteAnswers {
 }
 
 fn same_decisions(a: &SiteAnswers, b: &SiteAnswers) -> bool {
-    a.inaccessible == b.inaccessible
+    let outside = |of: &SiteAnswers| of.network.as_ref().map(|n| n.outside_domain.clone());
+    (&a.of_sites, a.tests_tip) == (&b.of_sites, b.tests_tip)
         && a.occlusion == b.occlusion
-        && a.tip_does_not_fit == b.tip_does_not_fit
         && a.accessible_directions == b.accessible_directions
-        && a.outside_domain == b.outside_domain
+        && outside(a) == outside(b)
 }
 
 fn lists(answers: &SiteAnswers) -> [&[f32]; 6] {
@@ -43,8 +43,8 @@ fn lists(answers: &SiteAnswers) -> [&[f32]; 6] {
         &answers.clearance_mm,
         &answers.rest_mm,
         &answers.rest_volume_mm3,
-        &answers.probability_inaccessible,
-        &answers.probability_occlusion,
+        answers.probability_inaccessible(),
+        answers.probability_occlusion(),
     ]
 }
 

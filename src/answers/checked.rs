@@ -1,9 +1,10 @@
-//! Reading answers: lists of one length, and only names that this crate writes.
+//! Answers as they are written and read: lists of one length, and only names that this crate writes.
 
-use super::{OutsideDomain, QUANTITIES, SiteAnswers};
+use super::{NetworkEvidence, OutsideDomain, QUANTITIES, SiteAnswer, SiteAnswers};
 use crate::{Error, Result};
 use glam::Vec3;
-use serde::{Deserialize, Deserializer, de};
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 /// [`SiteAnswers`] as they are read.
 #[derive(Deserialize, Default)]
@@ -64,20 +65,55 @@ impl TryFrom<Unchecked> for SiteAnswers {
         if let Some(found) = read.witness.iter().flatten().find(|w| !w.is_normalized()) {
             return Err(Error::argument("witness", found, "unit vectors", WRITE_AGAIN));
         }
+        let network = NetworkEvidence {
+            probability_inaccessible: read.probability_inaccessible,
+            probability_occlusion: read.probability_occlusion,
+            outside_domain: read.outside_domain,
+        };
         Ok(SiteAnswers {
-            inaccessible: read.inaccessible,
+            of_sites: of_sites(&read.inaccessible, &read.tip_does_not_fit),
+            tests_tip: !read.tip_does_not_fit.is_empty(),
             occlusion: read.occlusion,
-            tip_does_not_fit: read.tip_does_not_fit,
             accessible_directions: read.accessible_directions,
             accessible_share: read.accessible_share,
             witness: read.witness,
             clearance_mm: read.clearance_mm,
             rest_mm: read.rest_mm,
             rest_volume_mm3: read.rest_volume_mm3,
-            probability_inaccessible: read.probability_inaccessible,
-            probability_occlusion: read.probability_occlusion,
-            outside_domain: read.outside_domain,
+            network: Some(network).filter(|network| *network != NetworkEvidence::default()),
         })
+    }
+}
+
+/// Answers as files have them, of flags of which one at most is set; of the tip's there may be none.
+pub(crate) fn of_sites(inaccessible: &[bool], tip_does_not_fit: &[bool]) -> Vec<SiteAnswer> {
+    let tip = |i: usize| tip_does_not_fit.get(i).copied().unwrap_or(false);
+    let answer = |(i, &inaccessible): (usize, &bool)| match (inaccessible, tip(i)) {
+        (false, true) => SiteAnswer::TipDoesNotFit,
+        (inaccessible, _) => SiteAnswer::of(inaccessible),
+    };
+    inaccessible.iter().enumerate().map(answer).collect()
+}
+
+/// As they are read again: the answers as flags, every list by its name.
+impl Serialize for SiteAnswers {
+    fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
+        let none = NetworkEvidence::default();
+        let network = self.network.as_ref().unwrap_or(&none);
+        let mut fields = to.serialize_struct("SiteAnswers", 12)?;
+        fields.serialize_field("inaccessible", &self.inaccessible())?;
+        fields.serialize_field("occlusion", &self.occlusion)?;
+        fields.serialize_field("tip_does_not_fit", &self.tip_does_not_fit())?;
+        fields.serialize_field("accessible_directions", &self.accessible_directions)?;
+        fields.serialize_field("accessible_share", &self.accessible_share)?;
+        fields.serialize_field("witness", &self.witness)?;
+        fields.serialize_field("clearance_mm", &self.clearance_mm)?;
+        fields.serialize_field("rest_mm", &self.rest_mm)?;
+        fields.serialize_field("rest_volume_mm3", &self.rest_volume_mm3)?;
+        fields.serialize_field("probability_inaccessible", &network.probability_inaccessible)?;
+        fields.serialize_field("probability_occlusion", &network.probability_occlusion)?;
+        fields.serialize_field("outside_domain", &network.outside_domain)?;
+        fields.end()
     }
 }
 

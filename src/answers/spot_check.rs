@@ -1,7 +1,7 @@
 //! When enough answers are computed: a spot check of the others bounds the share of them that is wrong.
 
 use super::share_limit::{greatest_mean, sample_size, upper_limit};
-use super::{SiteAnswers, check_bound, check_probabilities};
+use super::{SiteAnswer, SiteAnswers, check_bound, check_probabilities};
 use crate::Result;
 use crate::rng::{Purpose, Stream};
 use serde::{Deserialize, Serialize};
@@ -82,13 +82,14 @@ impl SiteAnswers {
     ) -> Result<SpotChecked> {
         let n = self.len();
         check_bound(bound)?;
-        check_probabilities(&self.probability_inaccessible, n)?;
+        let probabilities = self.probability_inaccessible();
+        check_probabilities(probabilities, n)?;
         let uncertainty = |i: usize| {
-            let p = self.probability_inaccessible[i];
+            let p = probabilities[i];
             f64::from(p.min(1.0 - p))
         };
         let mut result = SpotChecked {
-            inaccessible: self.inaccessible.clone(),
+            inaccessible: self.inaccessible(),
             verified: vec![false; n],
             spot_check: None,
         };
@@ -118,7 +119,8 @@ impl SiteAnswers {
                 result.spot_check.iter_mut().for_each(|check| check.limit = 0.0);
                 break;
             }
-            let wrong = |i: &usize| result.inaccessible[*i] != self.inaccessible[*i];
+            let predicted = |i: usize| self.of(i) == SiteAnswer::Inaccessible;
+            let wrong = |i: &usize| result.inaccessible[*i] != predicted(*i);
             let n_wrong = sample.iter().filter(|i| wrong(i)).count();
             seen.extend(sample.iter().map(|i| (uncertainty(*i), wrong(i))));
             let limit = upper_limit(plan.n_kept, sample.len(), n_wrong, risk);
@@ -197,16 +199,15 @@ impl Plan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::NetworkEvidence;
     use crate::par;
 
     /// Predictions that say "no" with the uncertainties of a part, and the truth.
     fn part(n: usize, mut of: impl FnMut(usize) -> (f64, bool)) -> (SiteAnswers, Vec<bool>) {
         let (uncertain, wrong): (Vec<f64>, Vec<bool>) = (0..n).map(&mut of).unzip();
-        let answers = SiteAnswers {
-            probability_inaccessible: uncertain.iter().map(|u| *u as f32).collect(),
-            ..SiteAnswers::new(vec![false; n], vec![])
-        };
-        (answers, wrong)
+        let probabilities = uncertain.iter().map(|u| *u as f32).collect();
+        let evidence = NetworkEvidence::new(probabilities, vec![]);
+        (SiteAnswers::new(vec![false; n], vec![]).with_network(evidence), wrong)
     }
 
     /// What is found, and the share of wrong answers that are left.
@@ -285,7 +286,7 @@ mod tests {
     fn nothing_is_computed_for_a_bound_of_one_and_all_for_none() {
         let part = simulated(1, 500, 0.1, 3);
         let (found, _) = check(&part, (1.0, 0));
-        assert_eq!((n_verified(&found), &found.inaccessible), (0, &part.0.inaccessible));
+        assert_eq!((n_verified(&found), &found.inaccessible), (0, &part.0.inaccessible()));
         for bound in [0.0, 1e-3] {
             let (found, _) = check(&part, (bound, 0));
             assert_eq!((n_verified(&found), &found.inaccessible), (500, &part.1));

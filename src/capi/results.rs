@@ -80,13 +80,7 @@ impl Results {
     /// An answer per site, by its number in C.
     pub fn answers(&self, tool: u32) -> Answer<Vec<u8>> {
         let of = self.site_answers(tool)?;
-        let tip = |i: usize| of.tip_does_not_fit.get(i).copied().unwrap_or(false);
-        let answer = |(i, &inaccessible): (usize, &bool)| match (inaccessible, tip(i)) {
-            (true, _) => DM_INACCESSIBLE as u8,
-            (false, true) => DM_TIP_DOES_NOT_FIT as u8,
-            (false, false) => DM_ACCESSIBLE as u8,
-        };
-        Ok(of.inaccessible.iter().enumerate().map(answer).collect())
+        Ok(of.of_sites().iter().map(|answer| number(*answer) as u8).collect())
     }
 
     /// The share of the surface that has an answer.
@@ -177,7 +171,12 @@ impl Results {
 
 /// The number of a finding's cause in C.
 pub fn cause(finding: &Finding) -> u32 {
-    match finding.cause {
+    number(finding.cause)
+}
+
+/// The number of an answer in C.
+fn number(answer: SiteAnswer) -> u32 {
+    match answer {
         SiteAnswer::Accessible => DM_ACCESSIBLE,
         SiteAnswer::Inaccessible => DM_INACCESSIBLE,
         SiteAnswer::TipDoesNotFit => DM_TIP_DOES_NOT_FIT,

@@ -32,8 +32,7 @@ pub use settings::Blocking;
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
 use crate::access::surface::SurfaceLabels;
-use crate::answers::SiteAnswer;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswers, of_sites};
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
 use crate::geom::file_vertices::SiteVertices;
@@ -133,7 +132,7 @@ impl Provenance {
 /// outcome.file(0)?.write(&path)?;
 /// let file = LabelFile::read(&path)?;
 /// assert_eq!(file.sites, *outcome.sites());
-/// assert_eq!(file.labels.answers.inaccessible, outcome.answers()[0].labels.answers.inaccessible);
+/// assert_eq!(file.labels.answers.inaccessible(), outcome.answers()[0].labels.answers.inaccessible());
 /// let error = PredictionFile::read(&path).unwrap_err().to_string();
 /// assert!(error.contains("expected deepmill predictions"), "{error}");
 /// # Ok::<(), deepmill::Error>(())
@@ -207,14 +206,14 @@ impl LabelFile {
     /// If it is no such file, or an array is missing, of the wrong length or out of range.
     pub fn read(path: &Path) -> Result<Self> {
         let (mut npz, provenance, sites) = open(path, Self::FORMAT)?;
+        let inaccessible = npz.bools("inaccessible")?;
         let answers = SiteAnswers {
-            inaccessible: npz.bools("inaccessible")?,
             accessible_directions: match npz.has("retreat_unproven") {
                 // Tools of any profile: directions are not counted.
                 true => Vec::new(),
                 false => npz.counts("accessible_directions")?,
             },
-            ..SiteAnswers::default()
+            ..SiteAnswers::new(inaccessible, Vec::new())
         };
         let mut labels = Labels { answers, ..Labels::default() };
         let witness = npz.counts::<i64>("witness")?;
@@ -239,7 +238,11 @@ impl LabelFile {
         }
         if npz.has("tip_does_not_fit") {
             let surface = read_surface(path, &mut npz, &sites, &labels.answers)?;
-            labels.answers.tip_does_not_fit = surface.tip_does_not_fit();
+            labels.answers = SiteAnswers {
+                of_sites: surface.answers.clone(),
+                tests_tip: true,
+                ..labels.answers
+            };
             labels.answers.witness = read_directions(path, &mut npz, &sites, WITNESS[0])?;
             labels.surface = Some(surface);
         }
@@ -247,7 +250,7 @@ impl LabelFile {
             labels.blocked_by = read_blocked_by(path, &mut npz)?;
             same_length(path, &sites, "blocked_by", labels.blocked_by.len())?;
         }
-        same_length(path, &sites, "inaccessible", labels.answers.inaccessible.len())?;
+        same_length(path, &sites, "inaccessible", labels.answers.len())?;
         if !npz.has("retreat_unproven") {
             let n_directions = labels.answers.accessible_directions.len();
             same_length(path, &sites, "accessible_directions", n_directions)?;
@@ -267,9 +270,9 @@ fn add_answers(path: &Path, npz: &mut NpzWriter, answers: &SiteAnswers, n: usize
         _ => Ok(true),
     };
     for (name, list) in [
-        ("inaccessible", &answers.inaccessible),
+        ("inaccessible", &answers.inaccessible()),
         ("occlusion", &answers.occlusion),
-        ("tip_does_not_fit", &answers.tip_does_not_fit),
+        ("tip_does_not_fit", &answers.tip_does_not_fit()),
     ] {
         if complete(name, list.len())? {
             npz.array(name, &[n], &list[..n]);
@@ -279,11 +282,11 @@ fn add_answers(path: &Path, npz: &mut NpzWriter, answers: &SiteAnswers, n: usize
         npz.array("accessible_directions", &[n], &answers.accessible_directions[..n]);
     }
     for (name, list) in [
-        ("clearance", &answers.clearance_mm),
+        ("clearance", &answers.clearance_mm[..]),
         ("rest", &answers.rest_mm),
         ("rest_volume", &answers.rest_volume_mm3),
-        ("probability_inaccessible", &answers.probability_inaccessible),
-        ("probability_occlusion", &answers.probability_occlusion),
+        ("probability_inaccessible", answers.probability_inaccessible()),
+        ("probability_occlusion", answers.probability_occlusion()),
     ] {
         if complete(name, list.len())? {
             npz.array(name, &[n], &list[..n]);
@@ -336,11 +339,6 @@ fn read_surface(
 ) -> Result<SurfaceLabels> {
     let tip = npz.bools("tip_does_not_fit")?;
     same_length(path, sites, "tip_does_not_fit", tip.len())?;
-    let answer = |(&inaccessible, &tip): (&bool, &bool)| match (inaccessible, tip) {
-        (true, _) => SiteAnswer::Inaccessible,
-        (false, true) => SiteAnswer::TipDoesNotFit,
-        (false, false) => SiteAnswer::Accessible,
-    };
     let retreat_unproven = match npz.has("retreat_unproven") {
         true => npz.bools("retreat_unproven")?,
         false => Vec::new(),
@@ -350,7 +348,7 @@ fn read_surface(
         same_length(path, sites, "retreat_unproven", retreat_unproven.len())?;
     }
     let surface = SurfaceLabels {
-        answers: answers.inaccessible.iter().zip(&tip).map(answer).collect(),
+        answers: of_sites(&answers.inaccessible(), &tip),
         collision_free_directions: match is_counted {
             true => npz.counts("collision_free_directions")?,
             false => Vec::new(),

@@ -145,7 +145,7 @@ fn best_scale(
         let scaled = in_millimeters(sample, mm_per_unit)?;
         let labels =
             access::label(&*scaled.sites, Obstacles::Queries, &cutter, directions, &options)?;
-        let n_equal = n_equal(&labels.answers.inaccessible, &sample.answers.inaccessible);
+        let n_equal = n_equal(&labels.answers.inaccessible(), &sample.answers.inaccessible());
         Ok((mm_per_unit, n_equal as f64 / sample.sites.len() as f64))
     };
     let scales = std::iter::successors(Some(RANGE[0]), |scale| Some(scale * COARSE_FACTOR));

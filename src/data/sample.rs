@@ -16,8 +16,8 @@ use std::sync::Arc;
 /// let answers = SiteAnswers::new(vec![false, true], vec![true, false]);
 /// let sample = Sample::new("block", sites.into(), [1.5, 6.0, 40.0, 5.0].into(), answers);
 /// sample.check()?;
-/// let mut short = sample.clone(); // shares the sites
-/// short.answers.occlusion.pop();
+/// let short = SiteAnswers::new(vec![false, true], vec![true]);
+/// let short = Sample::new("block", sample.sites, sample.cutter, short);
 /// let error = short.check().unwrap_err().to_string();
 /// assert!(error.starts_with("sample block: 1 occlusion for 2 sites"), "{error}");
 /// # Ok::<(), deepmill::Error>(())
@@ -60,7 +60,7 @@ impl Sample {
         let n = self.sites.len();
         let lengths = [
             ("normals", if self.is_volume() { n } else { self.sites.normals.len() }),
-            ("inaccessible", self.answers.inaccessible.len()),
+            ("inaccessible", self.answers.inaccessible().len()),
             ("occlusion", self.answers.occlusion.len()),
         ];
         match lengths.iter().find(|(_, len)| *len != n) {

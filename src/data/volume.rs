@@ -94,7 +94,7 @@ impl VolumeObstacles {
                 let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
                 let obstacles = Obstacles::Points(obstacles);
                 let answers = label(queries, obstacles, cutter, directions, &options)?.answers;
-                (answers.inaccessible, answers.accessible_directions, directions.len())
+                (answers.inaccessible(), answers.accessible_directions, directions.len())
             }
             VolumeObstacles::Part(triangles) => {
                 let options = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
@@ -141,7 +141,7 @@ mod tests {
                 let answers = by.answers(&points, &cutter, &directions).unwrap();
                 assert_eq!(answers.n_occlusion(), 0);
                 assert_eq!(answers.accessible_directions.len(), points.len());
-                answers.inaccessible
+                answers.inaccessible()
             });
         // The holder is wider than the hole, and begins 7.5 mm above the tip.
         let in_hole = |p: &Vec3| p.truncate().length() < 12.0 && p.z < -2.0;

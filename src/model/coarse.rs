@@ -65,7 +65,7 @@ pub(super) fn answers(
         let sites = Sites { points, normals, faces: Vec::new() };
         let tools = tools(cutter, input)?;
         let labels = access::label_many(&sites, Obstacles::Queries, &tools, &directions, &options)?;
-        let inaccessible = &labels[0].answers.inaccessible;
+        let inaccessible = &labels[0].answers.inaccessible();
         let obstacles = (Obstacles::Queries, access::Counted::All);
         let beta =
             access::count_for((&sites).into(), obstacles, &tools[0], &of_beta, inaccessible)?;

@@ -139,7 +139,7 @@ impl<T: Scalar, N: SiteNetwork<T>> Model<T, N> {
     /// let model = Model::<f32>::new(&UNetConfig::tiny(), 1)?;
     /// let (points, normals) = ([Vec3::ZERO, Vec3::X], [Vec3::Z, Vec3::Z]);
     /// let prediction = model.predict(&points, &normals, [1.5, 6.0, 40.0, 5.0])?;
-    /// assert_eq!(prediction.answers().inaccessible.len(), 2);
+    /// assert_eq!(prediction.answers().len(), 2);
     /// # Ok::<(), deepmill::Error>(())
     /// ```
     pub fn predict(
@@ -446,13 +446,13 @@ mod tests {
             ..Prediction::default()
         };
         let answers = prediction.answers();
-        assert_eq!(answers.inaccessible, [true, false, false]);
+        assert_eq!(answers.inaccessible(), [true, false, false]);
         assert_eq!(answers.occlusion, [false, true, false]);
         assert_eq!(prediction.answers_ranked(0.4).occlusion, [false, true, true]);
         assert_eq!(prediction.answers_ranked(1.0).occlusion, [true; 3]);
-        let p = answers.probability_inaccessible;
+        let p = answers.probability_inaccessible();
         assert!((p[0] - 0.880_797).abs() < 1e-6 && (p[1] - 0.268_941).abs() < 1e-6);
-        assert!((answers.probability_occlusion[0] - 0.119_203).abs() < 1e-6);
+        assert!((answers.probability_occlusion()[0] - 0.119_203).abs() < 1e-6);
     }
 
     #[test]

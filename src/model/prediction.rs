@@ -2,7 +2,7 @@
 
 use super::config::N_COARSE;
 use super::heads::N_CLASSES;
-use crate::answers::{SiteAnswers, is_positive, mark_top_share};
+use crate::answers::{NetworkEvidence, SiteAnswers, is_positive, mark_top_share};
 use crate::scalar::Scalar;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -129,9 +129,12 @@ impl<T: Scalar> Prediction<T> {
     /// Decisions and probabilities of both heads, and the shares of accessible directions.
     pub fn answers(&self) -> SiteAnswers {
         let decide = |logits: &[[T; N_CLASSES]]| logits.iter().copied().map(is_positive).collect();
+        let evidence = NetworkEvidence::new(
+            probabilities(&self.logits_inaccessible),
+            probabilities(&self.logits_occlusion),
+        );
         SiteAnswers {
-            probability_inaccessible: probabilities(&self.logits_inaccessible),
-            probability_occlusion: probabilities(&self.logits_occlusion),
+            network: Some(evidence),
             accessible_share: self.accessible_share.clone(),
             ..SiteAnswers::new(decide(&self.logits_inaccessible), decide(&self.logits_occlusion))
         }

@@ -114,11 +114,12 @@ impl Predictor {
     }
 
     fn decide(&self, (prediction, outside_domain): Predicted) -> SiteAnswers {
-        let answers = match self.occlusion_share {
+        let mut answers = match self.occlusion_share {
             None => prediction.answers(),
             Some(share) => prediction.answers_ranked(share),
         };
-        SiteAnswers { outside_domain, ..answers }
+        answers.network.get_or_insert_default().outside_domain = outside_domain;
+        answers
     }
 
     /// As [`Predictor::answer`], as logits.
@@ -258,8 +259,17 @@ mod tests {
         let mut model = Model::<f32>::new(&UNetConfig::tiny(), 1).unwrap();
         model.domain = Some(Domain::of(&sites.points, [1.5, 6.0, 40.0, 5.0].into()));
         let predictor = Predictor::new(model);
-        assert!(predictor.answer(&sites, &cutter(1.5)).unwrap().outside_domain.is_empty());
-        let outside = predictor.answer(&sites, &cutter(2.0)).unwrap().outside_domain;
+        assert!(
+            predictor
+                .answer(&sites, &cutter(1.5))
+                .unwrap()
+                .network
+                .unwrap()
+                .outside_domain
+                .is_empty()
+        );
+        let outside =
+            predictor.answer(&sites, &cutter(2.0)).unwrap().network.unwrap().outside_domain;
         assert_eq!((outside.len(), outside[0].quantity), (1, "CR"));
         let message = predictor.answer(&sites, &cutter(4.0)).unwrap_err().to_string();
         assert!(message.starts_with("CR is 0.0816 of the largest edge, trained from"), "{message}");
@@ -269,12 +279,13 @@ mod tests {
         let said = "number of sites is 9, trained with 50, expected at least half as many; take more, give the part";
         assert!(message.starts_with(said), "{message}");
         let few_allowed = predictor.clone().allow_few_sites();
-        let outside = few_allowed.answer(&few, &cutter(1.5)).unwrap().outside_domain;
+        let outside =
+            few_allowed.answer(&few, &cutter(1.5)).unwrap().network.unwrap().outside_domain;
         assert_eq!(outside.last().map(|o| o.quantity), Some("number of sites"));
         let message = few_allowed.answer(&few, &cutter(4.0)).unwrap_err().to_string();
         assert!(message.starts_with("CR is"), "few sites are allowed, a tool is not: {message}");
         let accepted = predictor.allow_out_of_domain().answer(&sites, &cutter(4.0)).unwrap();
-        assert!(accepted.outside_domain[0].is_far());
+        assert!(accepted.network.unwrap().outside_domain[0].is_far());
     }
 
     fn on_a_cube(n_sites: usize, seed: u64) -> Sites {

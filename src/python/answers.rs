@@ -3,7 +3,7 @@
 use super::errors::{detached, wrong_type};
 use super::folder::{self, Takes};
 use super::options::{Options, text_of};
-use super::output::{list, of_json, rows, threes};
+use super::output::{flags, list, of_json, rows, threes};
 use super::part::{Mesh, Part, Sites, path_of};
 use super::region;
 use super::request::{Purpose, analysis};
@@ -332,7 +332,8 @@ impl Outcome {
     }
 }
 
-/// The answers about one tool. Arrays are read-only views, one entry per site; None is what was not computed.
+/// The answers about one tool. Arrays are read-only views, if they are not called copies, one entry per site; None is what
+/// was not computed.
 #[pyclass(frozen, module = "deepmill")]
 pub struct ToolAnswers {
     outcome: Arc<analysis::Outcome>,
@@ -361,17 +362,17 @@ impl ToolAnswers {
         Tool { tool: self.outcome.tools()[self.k].clone(), of_file: false }
     }
 
-    /// In every direction what does not cut, or the flank, collides: bool [n].
+    /// In every direction what does not cut, or the flank, collides: bool [n], a copy.
     #[getter]
-    fn inaccessible<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<bool>>> {
-        list(this, |of| &of.answers().inaccessible[..])
+    fn inaccessible<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
+        flags(py, self.answers().inaccessible())
     }
 
-    /// In some direction only the tip penetrates the part, in none nothing does: bool [n]; None by the published
-    /// definition.
+    /// In some direction only the tip penetrates the part, in none nothing does: bool [n], a copy; None by the
+    /// published definition.
     #[getter]
-    fn tip_does_not_fit<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<bool>>> {
-        list(this, |of| &of.answers().tip_does_not_fit[..])
+    fn tip_does_not_fit<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
+        flags(py, self.answers().tip_does_not_fit())
     }
 
     /// The tool reaches the site: neither of the two; bool [n], a copy.

@@ -3,7 +3,7 @@
 use super::answers::array;
 use super::errors::{checked, detached, detached_long, wrong_type};
 use super::options::Options;
-use super::output::{list, rows};
+use super::output::{flags, list, rows};
 use super::part::{Mesh, Sites, path_of};
 use super::tool::cutter_of;
 use crate::answers::SiteAnswers;
@@ -129,10 +129,10 @@ pub struct Prediction {
 
 #[pymethods]
 impl Prediction {
-    /// The cutter collides in every direction: bool [n].
+    /// The cutter collides in every direction: bool [n], a copy.
     #[getter]
-    fn inaccessible<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<bool>>> {
-        list(this, |of| &of.answers.inaccessible[..])
+    fn inaccessible<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
+        flags(py, self.answers.inaccessible())
     }
 
     /// Among the sites that are most often in the way: bool [n].
@@ -144,13 +144,13 @@ impl Prediction {
     /// Probability of `inaccessible`: float32 [n].
     #[getter]
     fn probability_inaccessible<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
-        list(this, |of| &of.answers.probability_inaccessible[..])
+        list(this, |of| of.answers.probability_inaccessible())
     }
 
     /// Probability of `occlusion`: float32 [n].
     #[getter]
     fn probability_occlusion<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<f32>>> {
-        list(this, |of| &of.answers.probability_occlusion[..])
+        list(this, |of| of.answers.probability_occlusion())
     }
 
     /// Share of the directions that are accessible: float32 [n]; None of a network without that head.

@@ -3,7 +3,7 @@
 use super::errors::{checked, detached, detached_long, refused, wrong_type};
 use super::input;
 use super::options::{Options, text_of};
-use super::output::{list, rows, threes};
+use super::output::{flags, list, rows, threes};
 use super::part::{Part, Sites, placement};
 use super::tool::ball_end_of;
 use crate::access::LabelOptions;
@@ -266,10 +266,10 @@ impl Sample {
         list(this, |of| &of.cutter[..])
     }
 
-    /// The cutter collides in every direction: bool [n].
+    /// The cutter collides in every direction: bool [n], a copy.
     #[getter]
-    fn inaccessible<'py>(this: &Bound<'py, Self>) -> Option<Bound<'py, PyArray1<bool>>> {
-        list(this, |of| &of.sample.answers.inaccessible[..])
+    fn inaccessible<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
+        flags(py, self.sample.answers.inaccessible())
     }
 
     /// Among the sites that are most often in the way: bool [n].

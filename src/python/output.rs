@@ -2,7 +2,7 @@
 #![allow(unsafe_code)]
 
 use ndarray::{ArrayView, ArrayView1, ArrayView2, Dimension, Ix1, Ix2};
-use numpy::{Element, PyArray, PyArrayMethods};
+use numpy::{Element, IntoPyArray, PyArray, PyArrayMethods};
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use pyo3::pyclass::boolean_struct::True;
@@ -40,6 +40,11 @@ where
     T: Element,
 {
     (!pick(owner.get()).is_empty()).then(|| view(owner, |of| ArrayView1::from(pick(of))))
+}
+
+/// An array of flags that are made for it; none of an empty one: it was not computed.
+pub fn flags<'py>(py: Python<'py>, flags: Vec<bool>) -> Option<Bound<'py, PyArray<bool, Ix1>>> {
+    (!flags.is_empty()).then(|| flags.into_pyarray(py))
 }
 
 /// [`view`] of rows of a fixed length.

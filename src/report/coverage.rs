@@ -8,7 +8,7 @@ use super::points::PointValues;
 use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::cutter::Step;
 use crate::data::files::tools::{Tool, steps_words};
 use crate::geom::units::Unit;
@@ -51,15 +51,14 @@ impl Shares {
 
     /// The shares of answers that do not count directions.
     pub fn of_answers(answers: &SiteAnswers, areas: &SiteAreas) -> Self {
-        let SiteAnswers { inaccessible, occlusion, tip_does_not_fit, .. } = answers;
-        let accessible = answers.accessible();
-        let of = |list: &[bool]| (!list.is_empty()).then(|| areas.share(|i| list[i]));
-        let is_both = |i: usize| inaccessible[i] && occlusion[i];
+        let occlusion = &answers.occlusion;
+        let with = |answer: SiteAnswer| areas.share(|i| answers.of(i) == answer);
+        let is_both = |i: usize| answers.is_inaccessible(i) && occlusion[i];
         Shares {
-            accessible: areas.share(|i| accessible[i]),
-            inaccessible: areas.share(|i| inaccessible[i]),
-            tip_does_not_fit: of(tip_does_not_fit),
-            occlusion: of(occlusion),
+            accessible: with(SiteAnswer::Accessible),
+            inaccessible: with(SiteAnswer::Inaccessible),
+            tip_does_not_fit: answers.tests_tip.then(|| with(SiteAnswer::TipDoesNotFit)),
+            occlusion: (!occlusion.is_empty()).then(|| areas.share(|i| occlusion[i])),
             both: (!occlusion.is_empty()).then(|| areas.share(is_both)),
             accessible_directions: None,
         }
@@ -391,8 +390,10 @@ mod tests {
     fn what_the_tip_cannot_reach_is_not_reached_by_the_tool() {
         let tools = tools(2);
         let mut all = [labels(&[0, 0, 0, 1]), labels(&[0, 0, 0, 0])];
-        all[0].answers.tip_does_not_fit = vec![false; 4];
-        all[1].answers.tip_does_not_fit = vec![false, true, true, true];
+        use SiteAnswer::{Accessible, Inaccessible, TipDoesNotFit};
+        all[0].answers.of_sites = vec![Accessible, Accessible, Accessible, Inaccessible];
+        all[1].answers.of_sites = vec![Accessible, TipDoesNotFit, TipDoesNotFit, TipDoesNotFit];
+        all.iter_mut().for_each(|labels| labels.answers.tests_tip = true);
         let areas = SiteAreas::even(4);
         let coverage = Coverage::of(&tools, &all.iter().collect::<Vec<_>>(), 10, &areas);
         let rows = coverage.table().json();

@@ -66,13 +66,7 @@ pub fn answer_words(answer: SiteAnswer) -> &'static str {
 impl About<'_> {
     /// What the file of labels answers.
     pub fn in_file(&self) -> SiteAnswer {
-        let answers = &self.query.file.labels.answers;
-        let tip = answers.tip_does_not_fit.get(self.site).copied().unwrap_or(false);
-        match (answers.inaccessible[self.site], tip) {
-            (true, _) => SiteAnswer::Inaccessible,
-            (false, true) => SiteAnswer::TipDoesNotFit,
-            (false, false) => SiteAnswer::Accessible,
-        }
+        self.query.file.labels.answers.of(self.site)
     }
 
     fn place(&self) -> (Vec3, Vec3) {

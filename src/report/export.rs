@@ -76,6 +76,7 @@ pub fn write_csv(
             row.push(coloring.classes()[coloring.class(i)].name.into());
             row.extend(values.iter().map(|(_, values)| match values {
                 PointValues::Flags(v) => u8::from(v[i]).to_string(),
+                PointValues::Are(v, answer) => u8::from(v[i] == *answer).to_string(),
                 PointValues::Counts(v) => v[i].to_string(),
                 PointValues::LargeCounts(v) => v[i].to_string(),
                 PointValues::Reals(v) => v[i].to_string(),

@@ -183,8 +183,8 @@ impl Findings {
         others: &[Other],
     ) -> Result<Self> {
         let n = sites.len();
-        if answers.inaccessible.len() != n || others.iter().any(|(_, reached)| reached.len() != n) {
-            let (found, remedy) = (answers.inaccessible.len(), "give the sites of the answers");
+        if answers.len() != n || others.iter().any(|(_, reached)| reached.len() != n) {
+            let (found, remedy) = (answers.len(), "give the sites of the answers");
             return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
         }
         PartSize::of(mesh, sites).require_for_regions()?;
@@ -289,12 +289,7 @@ impl Findings {
 
 /// Why a site is not accessible; `None` if it is.
 fn cause(answers: &SiteAnswers, i: usize) -> Option<SiteAnswer> {
-    let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
-    match (answers.inaccessible[i], tip) {
-        (true, _) => Some(SiteAnswer::Inaccessible),
-        (false, true) => Some(SiteAnswer::TipDoesNotFit),
-        (false, false) => None,
-    }
+    Some(answers.of(i)).filter(|answer| *answer != SiteAnswer::Accessible)
 }
 
 impl Finding {

@@ -10,7 +10,7 @@ use super::gate::SiteAreas;
 use super::points::{self, PointValues};
 use super::{Coloring, PartView, Scene, picture};
 use crate::Result;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
 use crate::geom::{Mesh, Sites, formats};
 use caption::setup;
@@ -125,7 +125,6 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
     let n = file.sites.len();
     let (labels, answers) = (&file.labels, &file.labels.answers);
     let occlusion = answers.occlusion.get(..n);
-    let inaccessible = &answers.inaccessible[..n];
     let mut values = point_values(answers, n);
     if let Some(beta) = labels.beta.get(..n) {
         values.push(("beta", PointValues::LargeCounts(beta)));
@@ -153,6 +152,7 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
     notes.push("published definition: sites are the obstacles".to_string());
     let none = vec![false; n];
     let occlusion = occlusion.unwrap_or(&none);
+    let inaccessible = &answers.inaccessible()[..n];
     let coloring = Coloring::Labels { inaccessible, occlusion };
     let caption = format!("exact labels, sites as obstacles\n{setup}");
     write(Shown { caption: &caption, coloring, values: &values, notes: &notes })
@@ -170,21 +170,21 @@ pub(super) fn point_values(
     n: usize,
 ) -> Vec<(&'static str, PointValues<'_>)> {
     let mut values = Vec::new();
-    for (name, list) in [
-        ("inaccessible", &answers.inaccessible),
-        ("occlusion", &answers.occlusion),
-        ("tip_does_not_fit", &answers.tip_does_not_fit),
-    ] {
-        values.extend(first(list, n).map(|list| (name, PointValues::Flags(list))));
-    }
+    let of_sites = first(&answers.of_sites, n);
+    let are = |answer: SiteAnswer| of_sites.map(|of_sites| PointValues::Are(of_sites, answer));
+    values.extend(are(SiteAnswer::Inaccessible).map(|list| ("inaccessible", list)));
+    let occlusion = first(&answers.occlusion, n).map(PointValues::Flags);
+    values.extend(occlusion.map(|list| ("occlusion", list)));
+    let tip = are(SiteAnswer::TipDoesNotFit).filter(|_| answers.tests_tip);
+    values.extend(tip.map(|list| ("tip_does_not_fit", list)));
     let counts = first(&answers.accessible_directions, n);
     values.extend(counts.map(|counts| ("accessible_directions", PointValues::Counts(counts))));
     for (name, list) in [
-        ("clearance", &answers.clearance_mm),
+        ("clearance", &answers.clearance_mm[..]),
         ("rest", &answers.rest_mm),
         ("rest_volume", &answers.rest_volume_mm3),
-        ("probability_inaccessible", &answers.probability_inaccessible),
-        ("probability_occlusion", &answers.probability_occlusion),
+        ("probability_inaccessible", answers.probability_inaccessible()),
+        ("probability_occlusion", answers.probability_occlusion()),
     ] {
         values.extend(first(list, n).map(|list| (name, PointValues::Reals(list))));
     }
@@ -269,7 +269,7 @@ fn with_predictions<T>(file: &PredictionFile, write: impl FnOnce(Shown) -> Resul
     }
     let notes = [origin(file)];
     let coloring =
-        Coloring::Labels { inaccessible: &answers.inaccessible, occlusion: &answers.occlusion };
+        Coloring::Labels { inaccessible: &answers.inaccessible(), occlusion: &answers.occlusion };
     let computed = file.verified.as_ref().map_or(String::new(), |verified| {
         format!(", {:.1} % of the sites computed", 100.0 * verified.share_verified())
     });
@@ -296,8 +296,9 @@ pub fn write_difference(
     let writer =
         Writer { folder, part: part(&labels.provenance, &labels.sites, mesh.into()), show };
     let (truth, predicted) = (&labels.labels.answers, predictions.answers());
+    let inaccessible = truth.inaccessible();
     let heads = [
-        ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible),
+        ("inaccessible", inaccessible.get(..n), predicted.inaccessible()),
         ("occlusion", truth.occlusion.get(..n), predicted.occlusion),
     ];
     let mut paths = Vec::new();

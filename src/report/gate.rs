@@ -11,7 +11,7 @@
 //! ```
 
 use super::findings::{Finding, FindingStatus, Findings};
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::geom::units::length::unit_mm;
 use crate::geom::{Mesh, Sites, spacing};
 use crate::{Error, Result};
@@ -29,15 +29,11 @@ struct Quantity {
 
 /// All quantities; a further one is an entry here.
 const QUANTITIES: [Quantity; 4] = [
-    Quantity {
-        name: "inaccessible",
-        is_answered: |_| true,
-        counts: |answers, i| answers.inaccessible[i],
-    },
+    Quantity { name: "inaccessible", is_answered: |_| true, counts: SiteAnswers::is_inaccessible },
     Quantity {
         name: "tip_does_not_fit",
-        is_answered: |answers| !answers.tip_does_not_fit.is_empty(),
-        counts: |answers, i| answers.tip_does_not_fit[i],
+        is_answered: SiteAnswers::tests_tip,
+        counts: |answers, i| answers.of(i) == SiteAnswer::TipDoesNotFit,
     },
     Quantity {
         name: "occlusion",
@@ -51,10 +47,7 @@ const QUANTITIES: [Quantity; 4] = [
 const UNREACHABLE: Quantity = Quantity {
     name: "unreachable",
     is_answered: |_| true,
-    counts: |answers, i| {
-        let tip = answers.tip_does_not_fit.get(i).copied().unwrap_or(false);
-        answers.inaccessible[i] || tip
-    },
+    counts: |answers, i| answers.of(i) != SiteAnswer::Accessible,
 };
 
 /// The names of limits on what no list of sites of one tool says.
@@ -416,7 +409,7 @@ mod tests {
     fn the_most_that_is_left_about_a_region_is_limited_in_cubic_millimeters() {
         let sites = lattice();
         let mut answers = SiteAnswers::new((0..100).map(|i| i % 10 < 2).collect(), vec![]);
-        answers.inaccessible[99] = true;
+        answers.of_sites[99] = SiteAnswer::Inaccessible;
         answers.rest_volume_mm3 = (0..100).map(|i| if i == 99 { 3.0 } else { 0.1 }).collect();
         let findings = Findings::of(&sites, None, &answers, &[]).unwrap();
         assert!((findings.list[0].left_mm3.unwrap() - 2.0).abs() < 1e-6);
@@ -438,8 +431,12 @@ mod tests {
     #[test]
     fn what_no_tool_reaches_is_a_share_like_the_others() {
         let areas = SiteAreas { shares: vec![0.01; 100], total_mm2: Some(400.0) };
-        let mut all = SiteAnswers::new((0..100).map(|i| i < 10).collect(), vec![]);
-        all.tip_does_not_fit = (0..100).map(|i| (5..30).contains(&i)).collect();
+        let answer = |i| match i {
+            0..10 => SiteAnswer::Inaccessible,
+            10..30 => SiteAnswer::TipDoesNotFit,
+            _ => SiteAnswer::Accessible,
+        };
+        let all = SiteAnswers::by_mesh((0..100).map(answer).collect());
         for text in ["no-tool-reaches>20%", "no_tool_reaches > 100mm2", "no-tool-reaches>0.18in2"] {
             let limit: Limit = text.parse().unwrap();
             assert!(limit.is_about_all_tools() && !limit.is_about_findings());

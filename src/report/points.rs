@@ -1,6 +1,7 @@
 //! Colored point clouds: binary PLY that any viewer shows, with the numbers behind the colors.
 
 use super::{Coloring, PartView};
+use crate::answers::SiteAnswer;
 use crate::{Error, Result, atomic_file, memory};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Ply, PropertyAccess, PropertyDef, PropertyType, ScalarType,
@@ -13,6 +14,8 @@ use std::path::Path;
 pub enum PointValues<'a> {
     /// 0 (no) or 1 (yes), `uchar`.
     Flags(&'a [bool]),
+    /// 1 where that is the answer, `uchar`.
+    Are(&'a [SiteAnswer], SiteAnswer),
     /// `uint`.
     Counts(&'a [u32]),
     /// `double`, exact up to 2⁵³.
@@ -25,6 +28,7 @@ impl PointValues<'_> {
     fn len(&self) -> usize {
         match self {
             PointValues::Flags(v) => v.len(),
+            PointValues::Are(v, _) => v.len(),
             PointValues::Counts(v) => v.len(),
             PointValues::LargeCounts(v) => v.len(),
             PointValues::Reals(v) => v.len(),
@@ -33,7 +37,7 @@ impl PointValues<'_> {
 
     fn kind(&self) -> ScalarType {
         match self {
-            PointValues::Flags(_) => ScalarType::UChar,
+            PointValues::Flags(_) | PointValues::Are(..) => ScalarType::UChar,
             PointValues::Counts(_) => ScalarType::UInt,
             PointValues::LargeCounts(_) => ScalarType::Double,
             PointValues::Reals(_) => ScalarType::Float,
@@ -146,6 +150,7 @@ impl PropertyAccess for Row<'_> {
         }
         match self.value(name)? {
             PointValues::Flags(v) => Some(u8::from(v[self.i])),
+            PointValues::Are(v, answer) => Some(u8::from(v[self.i] == answer)),
             _ => None,
         }
     }

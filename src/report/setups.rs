@@ -15,7 +15,7 @@ use super::points::PointValues;
 use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::setups::{Machine, Plan, Setup, direction_words};
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, formats};
 use crate::{Result, atomic_file};
@@ -108,10 +108,12 @@ impl Setups {
     /// What the setups leave, as answers: see `docs/setups.md`.
     pub fn answers(&self) -> SiteAnswers {
         let Plan { first, only_tip, .. } = &self.plan;
-        let left = |i: usize| first[i].is_none() && !only_tip[i];
-        let mut answers = SiteAnswers::new((0..first.len()).map(left).collect(), Vec::new());
-        answers.tip_does_not_fit = only_tip.clone();
-        answers
+        let answer = |i: usize| match (first[i], only_tip[i]) {
+            (_, true) => SiteAnswer::TipDoesNotFit,
+            (None, false) => SiteAnswer::Inaccessible,
+            (Some(_), false) => SiteAnswer::Accessible,
+        };
+        SiteAnswers::by_mesh((0..first.len()).map(answer).collect())
     }
 
     /// Whether the strokes of the machine are known.

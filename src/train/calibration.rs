@@ -29,7 +29,7 @@ pub fn fit<N: SiteNetwork<f32>>(
     for sample in samples {
         sample.check()?;
         let found = predict(model, sample)?;
-        let truth = [&sample.answers.inaccessible, &sample.answers.occlusion];
+        let truth = [&sample.answers.inaccessible(), &sample.answers.occlusion];
         let logits = [&found.logits_inaccessible, &found.logits_occlusion];
         for (head, margins) in margins.iter_mut().enumerate() {
             let margin = |[no, yes]: &[f32; 2]| f64::from(*yes) - f64::from(*no);

@@ -66,11 +66,11 @@ impl Evaluation {
         };
         let weights: Vec<u64> = areas.iter().map(|a| (1000.0 * a) as u64).collect();
         let truth = &sample.answers;
-        let heads =
-            [(&answers.inaccessible, &truth.inaccessible), (&answers.occlusion, &truth.occlusion)];
+        let inaccessible = [answers, truth].map(SiteAnswers::inaccessible);
+        let heads = [(&inaccessible[0], &inaccessible[1]), (&answers.occlusion, &truth.occlusion)];
         self.samples.push(heads.map(|(found, truth)| Confusion::of_labels(found, truth)));
         self.by_area.push(heads.map(|(found, truth)| Confusion::weighted(found, truth, &weights)));
-        let probabilities = [&answers.probability_inaccessible, &answers.probability_occlusion];
+        let probabilities = [answers.probability_inaccessible(), answers.probability_occlusion()];
         for head in (0..2).filter(|&head| !probabilities[head].is_empty()) {
             self.reliability[head] += Reliability::of(probabilities[head], heads[head].1);
         }
@@ -217,11 +217,11 @@ pub fn evaluate_verified<N: SiteNetwork<f32>>(
     let one = |sample: &Sample| -> Result<[usize; 7]> {
         sample.check()?;
         let (answers, truth) = (predict(model, sample)?.answers(), &sample.answers);
-        let exact = |of: &[usize]| Ok(of.iter().map(|&i| truth.inaccessible[i]).collect());
+        let exact = |of: &[usize]| Ok(of.iter().map(|&i| truth.is_inaccessible(i)).collect());
         let checked = answers.verify_by_spot_checks((bound, 0), exact)?;
         let (n, n_computed) = (truth.len(), checked.verified.iter().filter(|v| **v).count());
-        let both = checked.inaccessible.iter().zip(&truth.inaccessible);
-        let n_wrong = both.filter(|(answer, truth)| answer != truth).count();
+        let both = checked.inaccessible.iter().zip(truth.inaccessible());
+        let n_wrong = both.filter(|(answer, truth)| *answer != truth).count();
         let counted = sites_to_count(&answers, bound, SurfaceOptions::default().share)?;
         Ok([
             n,

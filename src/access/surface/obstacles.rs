@@ -157,12 +157,10 @@ impl TriangleObstacles {
         }
         let surface = self.label(sites, cutter, directions, options)?;
         let mut answers = SiteAnswers {
-            inaccessible: surface.inaccessible(),
-            tip_does_not_fit: surface.tip_does_not_fit(),
             accessible_directions: surface.accessible_directions.clone(),
             witness: surface.witness.iter().map(|pose| Some(pose.as_ref()?.direction)).collect(),
             clearance_mm: surface.clearance_mm.clone(),
-            ..SiteAnswers::default()
+            ..SiteAnswers::by_mesh(surface.answers.clone())
         }
         .with_shares_of(surface.n_directions);
         let mut beta = Vec::new();
@@ -173,7 +171,7 @@ impl TriangleObstacles {
                 true => Counted::All,
                 false => Counted::Greatest(n_of_share(options.share, sites.len())),
             };
-            beta = count_beta((sites, which), shrunk, directions, &answers.inaccessible)?;
+            beta = count_beta((sites, which), shrunk, directions, &answers.inaccessible())?;
             answers.occlusion = occlusion_points(&beta, options.share);
             if !options.beta {
                 beta = Vec::new();

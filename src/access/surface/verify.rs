@@ -4,7 +4,7 @@ use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
 use crate::access::Counted;
-use crate::answers::{SiteAnswers, SpotCheck, SpotChecked, mark_top_share};
+use crate::answers::{SiteAnswers, SpotCheck, SpotChecked, mark_top_share, of_sites};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -51,8 +51,9 @@ impl Verified {
 
     /// The predicted ones that were not counted, then those of greatest β.
     fn occlusion_points(&self, share: f64) -> Vec<bool> {
+        let probabilities = self.answers.probability_occlusion();
         let rank = |i: usize| {
-            let predicted = !self.counted[i] && self.answers.probability_occlusion[i] > 0.5;
+            let predicted = !self.counted[i] && probabilities[i] > 0.5;
             (predicted, self.beta[i])
         };
         let ranks: Vec<(bool, u64)> = (0..self.beta.len()).map(rank).collect();
@@ -106,8 +107,8 @@ impl TriangleObstacles {
         let SpotChecked { inaccessible, verified, spot_check } = checked;
         let mut result = Verified {
             answers: SiteAnswers {
-                inaccessible,
-                tip_does_not_fit,
+                of_sites: of_sites(&inaccessible, &tip_does_not_fit),
+                tests_tip: true,
                 accessible_directions: Vec::new(),
                 ..predicted.clone()
             },
@@ -120,7 +121,7 @@ impl TriangleObstacles {
             let outline = Outline::new(cutter, options.finish_mm);
             let tolerance = options.tolerance.of_triangles(&outline, &self.chords, &self.bvh)?.most;
             let counted = sites_to_count(predicted, bound, options.share)?;
-            let marked = &result.answers.inaccessible;
+            let marked = &result.answers.inaccessible()[..];
             let chosen = (sites, Counted::Chosen(&counted));
             let beta = count_beta(chosen, (cutter, tolerance), directions, marked)?;
             (result.beta, result.counted) = (vec![0; sites.len()], vec![false; sites.len()]);
@@ -139,7 +140,7 @@ pub(crate) fn sites_to_count(
     bound: f64,
     share: f64,
 ) -> Result<Vec<usize>> {
-    if predicted.probability_occlusion.is_empty() || share != SurfaceOptions::default().share {
+    if predicted.probability_occlusion().is_empty() || share != SurfaceOptions::default().share {
         return Ok((0..predicted.len()).collect());
     }
     predicted.least_certain_occlusion(bound * share)
@@ -148,6 +149,7 @@ pub(crate) fn sites_to_count(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answers::NetworkEvidence;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids;
     use glam::DVec3;
@@ -164,22 +166,20 @@ mod tests {
         // Wrong everywhere, and sure of it at the first half of the sites.
         let wrong = |i: usize| {
             let sure = if i < 600 { 0.995 } else { 0.6 };
-            if exact.answers.inaccessible[i] { 1.0 - sure } else { sure }
+            if exact.answers.is_inaccessible(i) { 1.0 - sure } else { sure }
         };
         let probability_inaccessible: Vec<f32> = (0..1200).map(wrong).collect();
         let inaccessible = probability_inaccessible.iter().map(|p| *p > 0.5).collect();
-        let predicted = SiteAnswers {
-            probability_inaccessible,
-            ..SiteAnswers::new(inaccessible, vec![false; 1200])
-        };
+        let evidence = NetworkEvidence::new(probability_inaccessible, Vec::new());
+        let predicted = SiteAnswers::new(inaccessible, vec![false; 1200]).with_network(evidence);
         let verify = |bound: f64| {
             let with = (&cutter, &directions);
             obstacles.verify(&sites, with, &options, &predicted, (bound, 0)).unwrap()
         };
         let all = verify(0.0);
         assert_eq!((all.n_verified(), all.spot_check), (1200, None));
-        assert_eq!(all.answers.inaccessible, exact.answers.inaccessible);
-        assert_eq!(all.answers.tip_does_not_fit, exact.answers.tip_does_not_fit);
+        assert_eq!(all.answers.inaccessible(), exact.answers.inaccessible());
+        assert_eq!(all.answers.tip_does_not_fit(), exact.answers.tip_does_not_fit());
         assert_eq!(all.answers.occlusion, exact.answers.occlusion);
         assert_eq!(all.beta, exact.beta);
         // Half of it is sure at 0.5 % expected, and all of that is wrong.
@@ -187,17 +187,17 @@ mod tests {
         let check = found_out.spot_check.unwrap();
         assert!(check.n_wrong == check.n_checked && check.n_checked > 0, "{check:?}");
         let others = (0..1200).filter(|&i| !found_out.verified[i]);
-        let wrong = others.filter(|&i| predicted.inaccessible[i] != exact.answers.inaccessible[i]);
+        let wrong =
+            others.filter(|&i| predicted.is_inaccessible(i) != exact.answers.is_inaccessible(i));
         assert!(wrong.count() as f64 <= 0.05 * (1200 - found_out.n_verified()) as f64);
         for i in (0..1200).filter(|&i| found_out.verified[i]) {
-            assert_eq!(found_out.answers.inaccessible[i], exact.answers.inaccessible[i], "{i}");
-            assert_eq!(found_out.answers.tip_does_not_fit[i], exact.answers.tip_does_not_fit[i]);
+            assert_eq!(found_out.answers.of(i), exact.answers.of(i), "{i}");
         }
         for n_threads in [1, 3] {
             let again = par::with_threads(n_threads, || verify(0.05)).unwrap();
             assert_eq!(again, found_out, "{n_threads} threads");
         }
-        assert_eq!(verify(1.0).answers.inaccessible, predicted.inaccessible);
+        assert_eq!(verify(1.0).answers.inaccessible(), predicted.inaccessible());
         assert_eq!(all.share_counted(), 1.0, "there are no probabilities of occlusion");
         let few = SiteAnswers::new(vec![true], vec![]);
         let with = (&cutter, &directions);
@@ -218,16 +218,12 @@ mod tests {
             (0, marked) => 0.5 - 0.1 * (f32::from(u8::from(marked)) - 0.5),
             (_, marked) => f32::from(u8::from(marked)),
         };
-        let predicted = SiteAnswers {
-            probability_inaccessible: exact
-                .answers
-                .inaccessible
-                .iter()
-                .map(|&m| f32::from(u8::from(m)))
-                .collect(),
-            probability_occlusion: (0..400).map(occlusion).collect(),
-            ..SiteAnswers::new(exact.answers.inaccessible.clone(), vec![false; 400])
-        };
+        let inaccessible = exact.answers.inaccessible();
+        let evidence = NetworkEvidence::new(
+            inaccessible.iter().map(|&m| f32::from(u8::from(m))).collect(),
+            (0..400).map(occlusion).collect(),
+        );
+        let predicted = SiteAnswers::new(inaccessible, vec![false; 400]).with_network(evidence);
         let verify = |options: &SurfaceOptions, bound: f64| {
             let with = (&cutter, &directions);
             obstacles.verify(&sites, with, options, &predicted, (bound, 0)).unwrap()

@@ -105,23 +105,23 @@ fn say(
     output: &Output,
 ) -> Value {
     let answers = predictions.answers();
-    let (inaccessible, occlusion) = (&answers.inaccessible, &answers.occlusion);
+    let (inaccessible, occlusion) = (&answers.inaccessible(), answers.occlusion());
     let share = |flags: &[bool]| {
         Cell::Share(flags.iter().filter(|f| **f).count() as f64 / flags.len() as f64)
     };
     let mut facts = Facts::new();
     facts.add("definition", "definition", Cell::text(definition.to_string()));
     facts.add("n_sites", "sites", Cell::count(N_SITES));
-    facts.add("inaccessible", "inaccessible, exact", share(&labels.labels.answers.inaccessible));
+    facts.add("inaccessible", "inaccessible, exact", share(&labels.labels.answers.inaccessible()));
     facts.add("predicted_inaccessible", "inaccessible, predicted", share(inaccessible));
-    facts.add("occlusion", "occlusion, exact", share(&labels.labels.answers.occlusion));
+    facts.add("occlusion", "occlusion, exact", share(labels.labels.answers.occlusion()));
     facts.add("predicted_occlusion", "occlusion, predicted", share(occlusion));
     facts.add("labels_s", "time: exact labels", Cell::Seconds(labels_s));
     facts.add("train_s", "time: training", train_s.map_or(Cell::Missing, Cell::Seconds));
     facts.add("predict_s", "time: prediction", Cell::Seconds(predict_s));
     output.say(facts.text_in(output.unit()));
-    let first = Confusion::of_labels(inaccessible, &labels.labels.answers.inaccessible);
-    let second = Confusion::of_labels(occlusion, &labels.labels.answers.occlusion);
+    let first = Confusion::of_labels(inaccessible, &labels.labels.answers.inaccessible());
+    let second = Confusion::of_labels(occlusion, labels.labels.answers.occlusion());
     let heads = scores::heads(&first, &second);
     let rows: Vec<(&str, &Confusion)> = heads.iter().map(|(name, c)| (*name, c)).collect();
     let table = scores::table(&rows);

@@ -306,9 +306,8 @@ fn majority(samples: &[Sample]) -> Result<Evaluation> {
         let sites: usize = samples.iter().map(|s| s.sites.len()).sum();
         2 * samples.iter().map(labels).sum::<usize>() > sites
     };
-    let yes = |labels: &[bool]| labels.iter().filter(|l| **l).count();
-    let inaccessible = more_yes(&|s| yes(&s.answers.inaccessible));
-    let occlusion = more_yes(&|s| yes(&s.answers.occlusion));
+    let inaccessible = more_yes(&|s| s.answers.n_inaccessible());
+    let occlusion = more_yes(&|s| s.answers.n_occlusion());
     let mut evaluation = Evaluation::default();
     for sample in samples {
         let n = sample.sites.len();
@@ -322,8 +321,7 @@ fn majority(samples: &[Sample]) -> Result<Evaluation> {
 /// the way.
 fn by_geometry(samples: &[Sample]) -> Result<Evaluation> {
     let normals: Vec<_> = samples.iter().flat_map(|s| s.sites.normals.iter().copied()).collect();
-    let truth: Vec<bool> =
-        samples.iter().flat_map(|s| s.answers.inaccessible.iter().copied()).collect();
+    let truth: Vec<bool> = samples.iter().flat_map(|s| s.answers.inaccessible()).collect();
     let min_z = baselines::best_facing(&normals, &truth);
     let mut evaluation = Evaluation::default();
     for sample in samples {

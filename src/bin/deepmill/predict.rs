@@ -166,8 +166,8 @@ fn say(
     }
     facts.add("n_sites", "sites", Cell::count(placed.sites().len()));
     if let Some((file, answers)) = alone {
-        facts.add("inaccessible", "inaccessible", share(&answers.inaccessible));
-        facts.add("occlusion", "occlusion", share(&answers.occlusion));
+        facts.add("inaccessible", "inaccessible", share(&answers.inaccessible()));
+        facts.add("occlusion", "occlusion", share(answers.occlusion()));
         if let Some(verified) = &file.verified {
             facts.add("verified", "computed", share(&verified.verified));
             facts.add("spot_check", "spot check", spot_check(file));
@@ -224,8 +224,8 @@ fn table<'a>(rows: impl Iterator<Item = (&'a ToolPrediction, &'a SiteAnswers)>) 
         table.row([
             Cell::text(&tool.name),
             Cell::text(tool.words()),
-            share(&answers.inaccessible),
-            share(&answers.occlusion),
+            share(&answers.inaccessible()),
+            share(answers.occlusion()),
             file.verified.as_ref().map_or(Cell::Missing, |verified| share(&verified.verified)),
             spot_check(file),
         ]);

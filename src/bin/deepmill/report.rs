@@ -265,11 +265,11 @@ fn compare(labels: &LabelFile, predictions: &PredictionFile, found: &Found) -> R
         return Err(differ("cutter", "it is not the cutter of the labels"));
     }
     let (found, truth) = (predictions.answers(), &labels.labels.answers);
-    let first = Confusion::of_labels(&found.inaccessible, &truth.inaccessible);
+    let first = Confusion::of_labels(&found.inaccessible(), &truth.inaccessible());
     // Labels of a mesh mark occlusion points only where they are asked for.
-    let is_marked = truth.occlusion.len() == found.occlusion.len();
-    let marks = if is_marked { &truth.occlusion } else { &found.occlusion };
-    let second = Confusion::of_labels(&found.occlusion, marks);
+    let is_marked = truth.occlusion().len() == found.occlusion().len();
+    let marks = if is_marked { truth.occlusion() } else { found.occlusion() };
+    let second = Confusion::of_labels(found.occlusion(), marks);
     let rows = scores::heads(&first, &second);
     let rows = &rows[..if is_marked { rows.len() } else { rows.len() - 1 }];
     let rows: Vec<_> = rows.iter().map(|(name, counts)| (*name, counts)).collect();

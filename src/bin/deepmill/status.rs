@@ -2,7 +2,6 @@
 //! another program.
 
 use crate::output::Output;
-use deepmill::answers::SiteAnswer;
 use deepmill::data::files::matrix::{AccessMatrix, MatrixFile};
 use deepmill::data::files::{LabelFile, safety};
 use deepmill::report::tables::{Cell, Table};
@@ -28,7 +27,7 @@ pub fn compare(path: &Path, labels: &LabelFile, folder: &Path, output: &Output) 
     let mut counts = [[0usize; 3]; 2];
     for (reached, site) in status.iter().zip(&site_of) {
         if let Some(site) = site {
-            counts[usize::from(!reached)][answer(labels, *site) as usize] += 1;
+            counts[usize::from(!reached)][labels.labels.answers.of(*site) as usize] += 1;
         }
     }
     let n_left_out = site_of.iter().filter(|site| site.is_none()).count();
@@ -78,15 +77,6 @@ pub fn compare(path: &Path, labels: &LabelFile, folder: &Path, output: &Output) 
         }
     }
     Ok(result)
-}
-
-fn answer(labels: &LabelFile, site: usize) -> SiteAnswer {
-    let answers = &labels.labels.answers;
-    match (answers.inaccessible[site], answers.tip_does_not_fit.get(site) == Some(&true)) {
-        (true, _) => SiteAnswer::Inaccessible,
-        (false, true) => SiteAnswer::TipDoesNotFit,
-        (false, false) => SiteAnswer::Accessible,
-    }
 }
 
 /// Per entry of a file of `n` its site.

@@ -321,7 +321,7 @@ pub(super) fn store(
         |labels: &[bool]| labels.iter().filter(|l| **l).count() as f64 / labels.len().max(1) as f64;
     let record = |(&cutter, answers): (&CutterParams, &SiteAnswers)| CutterRecord {
         cutter,
-        inaccessible: share(&answers.inaccessible),
+        inaccessible: share(&answers.inaccessible()),
         occlusion: share(&answers.occlusion),
     };
     let cutters = part.cutters.iter().zip(&part.answers).map(record).collect();

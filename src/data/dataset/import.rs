@@ -51,7 +51,7 @@ pub fn import(
     let mut parts = Vec::with_capacity(samples.len());
     for (index, ImportedSample { split, sample, mm_per_unit }) in samples.iter().enumerate() {
         sample.check()?;
-        let some = sample.answers.inaccessible.iter().map(|no| u32::from(!no));
+        let some = sample.answers.accessible().into_iter().map(u32::from);
         let accessible_directions = some.collect();
         let part = LabeledPart {
             sites: (*sample.sites).clone(),

@@ -152,9 +152,9 @@ impl LabeledPart {
         npz.vectors("normals", &self.sites.normals);
         npz.array("cutters", &[k, 4], &cutters);
         let answers = &self.answers;
-        npz.array("inaccessible", &[n, k], &by_site(n, answers, |a| &a.inaccessible));
-        npz.array("occlusion", &[n, k], &by_site(n, answers, |a| &a.occlusion));
-        let counts = by_site(n, answers, |a| &a.accessible_directions);
+        npz.array("inaccessible", &[n, k], &by_site(n, answers, SiteAnswers::is_inaccessible));
+        npz.array("occlusion", &[n, k], &by_site(n, answers, |a, i| a.occlusion[i]));
+        let counts = by_site(n, answers, |a, i| a.accessible_directions[i]);
         npz.array("accessible_directions", &[n, k], &counts);
         npz.write(path)
     }
@@ -163,7 +163,7 @@ impl LabeledPart {
         let (n, k) = (self.sites.len(), self.cutters.len());
         let lengths = |len: fn(&SiteAnswers) -> usize| self.answers.iter().map(len).collect();
         let lengths: [(&str, Vec<usize>); 3] = [
-            ("inaccessible", lengths(|a| a.inaccessible.len())),
+            ("inaccessible", lengths(SiteAnswers::len)),
             ("occlusion", lengths(|a| a.occlusion.len())),
             ("accessible_directions", lengths(|a| a.accessible_directions.len())),
         ];
@@ -229,8 +229,8 @@ fn bytes_of(part: &PartRecord) -> u64 {
 }
 
 /// A list of each cutter's answers, rearranged to rows per site.
-fn by_site<T: Copy>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers) -> &Vec<T>) -> Vec<T> {
-    (0..n).flat_map(|i| answers.iter().map(move |a| of(a)[i])).collect()
+fn by_site<T>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers, usize) -> T) -> Vec<T> {
+    (0..n).flat_map(|i| answers.iter().map(move |a| of(a, i))).collect()
 }
 
 /// SHA-256 of a file's bytes, hexadecimal.

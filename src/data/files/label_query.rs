@@ -329,7 +329,7 @@ impl LabelQuery {
                 let obstacles = Obstacles::Points(&others);
                 let labels =
                     access::label(queries, obstacles, &tool.cutter, &self.directions, &options)?;
-                Ok(!labels.answers.inaccessible[0])
+                Ok(!labels.answers.is_inaccessible(0))
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{Provenance, add_answers, few, open, same_length, start};
 use crate::access::surface::Verified;
-use crate::answers::{SiteAnswers, SpotCheck};
+use crate::answers::{SiteAnswers, SpotCheck, of_sites};
 use crate::data::npz::NpzReader;
 use crate::geom::Sites;
 use crate::model::Prediction;
@@ -20,6 +20,7 @@ use std::path::Path;
 #[cfg_attr(feature = "generate", doc = "```")]
 #[cfg_attr(not(feature = "generate"), doc = "```ignore")]
 /// use deepmill::analysis::{Analysis, PredictRequest};
+/// use deepmill::answers::SiteAnswer;
 /// use deepmill::data::files::{PredictionFile, tools::Tool};
 /// use deepmill::model::{Model, Predictor, UNetConfig};
 /// use deepmill::{geom::solids, glam::DVec3};
@@ -36,7 +37,7 @@ use std::path::Path;
 /// let read = PredictionFile::read(&path)?;
 /// assert_eq!((&read.prediction, read.provenance.part.as_str()), (&file.prediction, "block"));
 /// let [no, yes] = read.prediction.logits_inaccessible[0];
-/// assert_eq!(read.answers().inaccessible[0], yes > no);
+/// assert_eq!(read.answers().of(0) == SiteAnswer::Inaccessible, yes > no);
 /// # Ok::<(), deepmill::Error>(())
 ///
 /// ```
@@ -226,16 +227,19 @@ fn read_verified(
 ) -> Result<Verified> {
     let n = prediction.logits_inaccessible.len();
     let mut answers = prediction.answers();
+    let (mut inaccessible, mut tip_does_not_fit) = (Vec::new(), Vec::new());
     for (name, list) in [
-        ("inaccessible", &mut answers.inaccessible),
+        ("inaccessible", &mut inaccessible),
         ("occlusion", &mut answers.occlusion),
-        ("tip_does_not_fit", &mut answers.tip_does_not_fit),
+        ("tip_does_not_fit", &mut tip_does_not_fit),
     ] {
         *list = npz.bools(name)?;
         if list.len() != n {
             return Err(few(path, name, list.len(), n));
         }
     }
+    answers.of_sites = of_sites(&inaccessible, &tip_does_not_fit);
+    answers.tests_tip = !tip_does_not_fit.is_empty();
     let (verified, beta) = (npz.bools("verified")?, npz.counts("beta")?);
     let counted = if npz.has(COUNTED) { npz.bools(COUNTED)? } else { vec![true; n] };
     check_lengths(path, n, [verified.len(), beta.len(), counted.len()])?;
@@ -271,6 +275,7 @@ mod tests {
     use super::super::LabelFile;
     use super::super::tests::{provenance, sites};
     use super::*;
+    use crate::answers::SiteAnswer;
 
     #[test]
     fn predictions_come_back_exactly_and_are_not_taken_for_labels() {
@@ -291,10 +296,10 @@ mod tests {
         assert_eq!(PredictionFile::read(&path).unwrap(), file);
         let answers = file.prediction.answers();
         assert_eq!(
-            (&answers.inaccessible[..], &answers.occlusion[..]),
-            (&[true, false][..], &[false, true][..])
+            (answers.inaccessible(), &answers.occlusion[..]),
+            (vec![true, false], &[false, true][..])
         );
-        let p = answers.probability_inaccessible;
+        let p = answers.probability_inaccessible();
         assert!((p[0] - 0.880_797).abs() < 1e-6 && p[1] == 0.5);
         let message = LabelFile::read(&path).unwrap_err().to_string();
         assert!(message.contains("the format is \"deepmill predictions\""), "{message}");
@@ -331,8 +336,8 @@ mod tests {
 
         file.occlusion_share = Some(0.5);
         let answers = SiteAnswers {
-            inaccessible: vec![false, false],
-            tip_does_not_fit: vec![true, false],
+            of_sites: vec![SiteAnswer::TipDoesNotFit, SiteAnswer::Accessible],
+            tests_tip: true,
             ..file.prediction.answers()
         };
         file.verified = Some(Verified {
@@ -369,7 +374,7 @@ mod tests {
         }
         npz.write(&path).unwrap();
         let answers = PredictionFile::read(&path).unwrap().prediction.answers();
-        assert_eq!((answers.inaccessible, answers.occlusion.len()), (vec![true, false], 2));
+        assert_eq!((answers.inaccessible(), answers.occlusion.len()), (vec![true, false], 2));
         // Before β was left out where it does not decide.
         let mut npz = logits();
         for name in ["inaccessible", "occlusion", "tip_does_not_fit", "verified"] {

@@ -178,7 +178,7 @@ pub fn write(root: &Path, samples: &[(List, &Sample)]) -> Result<()> {
 
 /// Labels as the published files have them: accessible, occlusion point.
 fn published_labels(sample: &Sample, i: usize) -> [u8; 2] {
-    [u8::from(!sample.answers.inaccessible[i]), u8::from(sample.answers.occlusion[i])]
+    [u8::from(!sample.answers.is_inaccessible(i)), u8::from(sample.answers.occlusion[i])]
 }
 
 /// Numbers in the shortest form that reads back to the same bits.

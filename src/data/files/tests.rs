@@ -36,7 +36,7 @@ fn labels_come_back_exactly() {
     let cloud = crate::geom::formats::read_cloud(&path).unwrap();
     assert_eq!(cloud.points, file.sites.points);
     let mut few = file.clone();
-    few.labels.answers.inaccessible.pop();
+    few.labels.answers.of_sites.pop();
     assert!(few.write(&path).unwrap_err().to_string().contains("1 entries for 2 sites"));
     let mut wrong = file.clone();
     wrong.vertices.as_mut().unwrap().site_of_vertex.pop();
@@ -70,8 +70,8 @@ fn poses_that_are_none_are_named() {
         };
         let answers = SiteAnswers {
             accessible_directions: vec![1; 2],
-            tip_does_not_fit: vec![false; 2],
-            ..SiteAnswers::new(vec![false; 2], vec![false; 2])
+            occlusion: vec![false; 2],
+            ..SiteAnswers::by_mesh(vec![SiteAnswer::Accessible; 2])
         };
         let labels = Labels {
             answers,

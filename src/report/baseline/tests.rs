@@ -1,7 +1,7 @@
 //! Claims about baselines.
 
 use super::*;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::geom::Mesh;
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::solids::cuboid;
@@ -143,9 +143,10 @@ fn what_is_larger_by_more_than_a_tenth_is_grown_and_what_is_elsewhere_is_new() {
     let check = baseline.hold(&mut found, other);
     assert_eq!(check.new, [0]);
     assert!(check.warnings[0].contains("findings of D6, none of D8"), "{:?}", check.warnings);
-    let mut tip = SiteAnswers::new(vec![false; part.sites.len()], vec![]);
     let at = part.sites.points.iter().zip(&part.sites.normals);
-    tip.tip_does_not_fit = at.map(|(p, n)| square(p, n)).collect();
+    let answer =
+        |is_in: bool| if is_in { SiteAnswer::TipDoesNotFit } else { SiteAnswer::Accessible };
+    let tip = SiteAnswers::by_mesh(at.map(|(p, n)| answer(square(p, n))).collect());
     // Of another cause: the tool mills it no more than before.
     let mut found = part.of(&tip);
     let check = baseline.hold(&mut found, part.about());

@@ -23,10 +23,13 @@ fn areas_are_those_of_the_faces_and_nothing_is_lost() {
     let (mesh, sites) = block();
     let mut answers = answers(&sites, |p, n| n.z < -0.5 || (n.x > 0.5 && p.z > 5.0));
     let is_dot = |p: &Vec3, n: &Vec3| n.z > 0.5 && p.distance(Vec3::new(20.0, 10.0, 10.0)) < 1.0;
-    answers.tip_does_not_fit =
-        sites.points.iter().zip(&sites.normals).map(|(p, n)| is_dot(p, n)).collect();
+    let at = answers.of_sites.iter_mut().zip(sites.points.iter().zip(&sites.normals));
+    for (answer, _) in at.filter(|(_, (p, n))| is_dot(p, n)) {
+        *answer = SiteAnswer::TipDoesNotFit;
+    }
+    answers.tests_tip = true;
     answers.clearance_mm = (0..sites.len()).map(|i| -(i as f32)).collect();
-    let n_dots = answers.tip_does_not_fit.iter().filter(|tip| **tip).count();
+    let n_dots = answers.tip_does_not_fit().iter().filter(|tip| **tip).count();
     assert!((1..MIN_SITES).contains(&n_dots), "{n_dots}");
     for mesh in [Some(&mesh), None] {
         let found = Findings::of(&sites, mesh, &answers, &[]).unwrap();
@@ -64,7 +67,7 @@ fn the_tool_that_reaches_most_of_a_region_helps() {
     let found = Findings::of(&sites, Some(&mesh), &own, &others[..1]).unwrap();
     assert_eq!(found.list[0].helps, None);
     let both = for_all_tools([&own, &answers(&sites, |_, n| n.x > 0.5)].into_iter());
-    assert!(both.inaccessible.iter().all(|i| !i) && !both.tip_does_not_fit.contains(&true));
+    assert!(both.of_sites.iter().all(|answer| *answer == SiteAnswer::Accessible));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Several tools together.
 
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 
 /// The answers for sites that no tool of several reaches: inaccessible where all tools are.
 ///
@@ -9,11 +9,12 @@ use crate::answers::SiteAnswers;
 pub fn for_all_tools<'a>(answers: impl Iterator<Item = &'a SiteAnswers>) -> SiteAnswers {
     let answers: Vec<&SiteAnswers> = answers.collect();
     let n = answers[0].len();
-    let accessible: Vec<Vec<bool>> = answers.iter().map(|a| a.accessible()).collect();
-    let all = |i: usize| answers.iter().all(|a| a.inaccessible[i]);
-    let none = |i: usize| !accessible.iter().any(|accessible| accessible[i]);
-    let mut common = SiteAnswers::new((0..n).map(all).collect(), Vec::new());
-    common.tip_does_not_fit = (0..n).map(|i| none(i) && !all(i)).collect();
+    let is_any = |i: usize, answer: SiteAnswer| answers.iter().any(|a| a.of(i) == answer);
+    let best = |i: usize| {
+        let better = [SiteAnswer::Accessible, SiteAnswer::TipDoesNotFit];
+        better.into_iter().find(|answer| is_any(i, *answer)).unwrap_or(SiteAnswer::Inaccessible)
+    };
+    let mut common = SiteAnswers::by_mesh((0..n).map(best).collect());
     if n > 0 && answers.iter().all(|answers| answers.rest_mm.len() == n) {
         let least = |i: usize| answers.iter().map(|a| a.rest_mm[i]).fold(f32::INFINITY, f32::min);
         common.rest_mm = (0..n).map(least).collect();

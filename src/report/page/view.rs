@@ -115,7 +115,7 @@ impl View {
             }
             None => {
                 view.caption = "published definition: sites block".into();
-                view.color_labels(&answers.inaccessible[..n], occlusion);
+                view.color_labels(&answers.inaccessible()[..n], occlusion);
             }
         }
         view.findings = Some(findings);
@@ -150,7 +150,7 @@ impl View {
             let verified = verified.verified.iter().map(|v| f32::from(u8::from(*v))).collect();
             view.add("computed (1) or predicted (0)", "", Numbers::Reals(verified));
         }
-        view.color_labels(&answers.inaccessible, &answers.occlusion);
+        view.color_labels(&answers.inaccessible(), &answers.occlusion);
         view.findings = Some(findings);
         view
     }
@@ -162,8 +162,9 @@ impl View {
     pub fn of_differences(labels: &LabelFile, predictions: &PredictionFile) -> Vec<Self> {
         let (truth, predicted) = (&labels.labels.answers, predictions.answers());
         let n = labels.sites.len();
+        let inaccessible = truth.inaccessible();
         let heads = [
-            ("inaccessible", truth.inaccessible.get(..n), predicted.inaccessible),
+            ("inaccessible", inaccessible.get(..n), predicted.inaccessible()),
             ("occlusion", truth.occlusion.get(..n), predicted.occlusion),
         ];
         let mut views = Vec::new();
@@ -250,7 +251,9 @@ fn site_values(answers: &SiteAnswers, n: usize) -> Vec<SiteValues> {
         let numbers = match values {
             PointValues::Counts(counts) => Numbers::Counts(counts.to_vec()),
             PointValues::Reals(reals) => Numbers::Reals(reals.iter().map(|x| x * scale).collect()),
-            PointValues::Flags(_) | PointValues::LargeCounts(_) => return None,
+            PointValues::Flags(_) | PointValues::Are(..) | PointValues::LargeCounts(_) => {
+                return None;
+            }
         };
         Some(SiteValues { name, unit, numbers })
     });

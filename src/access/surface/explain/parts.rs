@@ -129,7 +129,7 @@ pub fn blocking_parts_among_points(
     let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
     let labels = label_many(Queries::Sites(sites), obstacles, &cutters, directions, &options)?;
     for (part, labels) in of.into_iter().zip(&labels) {
-        let blocked: Vec<bool> = left.iter().map(|&i| labels.answers.inaccessible[i]).collect();
+        let blocked: Vec<bool> = left.iter().map(|&i| labels.answers.is_inaccessible(i)).collect();
         assign(part, &mut parts, &mut left, blocked.into_iter());
     }
     Ok(parts)

@@ -275,7 +275,7 @@ fn points_as_obstacles_are_explained_by_the_published_definition() {
         let (cutter, options) = (tool.cutter().unwrap(), LabelOptions::default());
         label_points(&sites, Obstacles::Queries, &cutter, &directions, &options).unwrap()
     };
-    let found = labels(&tool).answers.inaccessible;
+    let found = labels(&tool).answers.inaccessible();
     let parts =
         blocking_parts_among_points(&sites, Obstacles::Queries, (&tool, 0.0), &directions, &found)
             .unwrap();
@@ -288,12 +288,12 @@ fn points_as_obstacles_are_explained_by_the_published_definition() {
             assert_eq!(state.blocked.is_some(), state.clearance_mm < 0.0, "{state:?}");
         }
         for change in &why.changes {
-            assert!(!labels(&change.tool).answers.inaccessible[i], "{change:?}");
+            assert!(!labels(&change.tool).answers.inaccessible()[i], "{change:?}");
         }
         if i == own {
             let longer = change(&why, ChangeKind::Raise(ToolPart::Holder));
             let shorter = tool.raised(ToolPart::Holder, longer.by_mm - 1e-3).unwrap();
-            assert!(labels(&shorter).answers.inaccessible[i] && longer.is_least);
+            assert!(labels(&shorter).answers.inaccessible()[i] && longer.is_least);
         }
     }
 }

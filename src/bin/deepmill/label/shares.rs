@@ -9,7 +9,7 @@ use deepmill::report::tables::{Cell, Facts};
 /// Adds the middle clearance of the accessible sites, if there are clearances.
 pub fn add_clearance(facts: &mut Facts, labels: &Labels) {
     let mut clearances: Vec<f32> =
-        labels.answers.clearance_mm.iter().copied().filter(|c| *c > 0.0).collect();
+        labels.answers.clearance_mm().iter().copied().filter(|c| *c > 0.0).collect();
     clearances.sort_unstable_by(f32::total_cmp);
     if let Some(median) = clearances.get(clearances.len() / 2) {
         let rounded = (f64::from(*median) * 1e3).round() / 1e3;
@@ -20,7 +20,7 @@ pub fn add_clearance(facts: &mut Facts, labels: &Labels) {
 
 /// Adds the greatest rest, and the area on which more than a tenth of a millimeter is left.
 pub fn add_rest(facts: &mut Facts, labels: &Labels, areas: &SiteAreas) {
-    let rests = &labels.answers.rest_mm;
+    let rests = labels.answers.rest_mm();
     if let Some(most) = rests.iter().copied().reduce(f32::max) {
         let rounded = (f64::from(most) * 1e3).round() / 1e3;
         facts.add("greatest_rest_mm", "most left, mm", Cell::Given(rounded));

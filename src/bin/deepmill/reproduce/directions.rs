@@ -61,7 +61,7 @@ impl Way {
             Way::Sites => {
                 let options = LabelOptions::default().with_occlusion(false);
                 let labels = label(sites, Obstacles::Queries, cutter, directions, &options)?;
-                return Ok(labels.answers.inaccessible);
+                return Ok(labels.answers.inaccessible());
             }
             Way::Part => surface.with_refinement(None),
             Way::Search => surface,
@@ -262,7 +262,7 @@ impl Learner {
         let start = Instant::now();
         let answers = predict()?.answers();
         sums.seconds += start.elapsed().as_secs_f64();
-        Ok(answers.inaccessible)
+        Ok(answers.inaccessible())
     }
 }
 

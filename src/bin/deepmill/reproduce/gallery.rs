@@ -123,8 +123,8 @@ fn answer(model: &AnyModel<f32>, sample: Sample) -> Result<Answered> {
         model.predict(&sites.points, &sites.normals, sample.cutter.to_array())?.answers();
     let truth = &sample.answers;
     let heads = [
-        Confusion::of_labels(&predicted.inaccessible, &truth.inaccessible),
-        Confusion::of_labels(&predicted.occlusion, &truth.occlusion),
+        Confusion::of_labels(&predicted.inaccessible(), &truth.inaccessible()),
+        Confusion::of_labels(predicted.occlusion(), truth.occlusion()),
     ];
     let scores = heads.map(|c| HeadScore::new(c.accuracy(), c.f1()));
     Ok(Answered { sample, predicted, scores })
@@ -133,8 +133,8 @@ fn answer(model: &AnyModel<f32>, sample: Sample) -> Result<Answered> {
 /// Adds where a head differs, in dark and light colors.
 fn difference(sheet: &mut Sheet, part: &Part, answered: &Answered, head: usize, caption: String) {
     let of = |answers: &SiteAnswers| match head {
-        0 => answers.inaccessible.clone(),
-        _ => answers.occlusion.clone(),
+        0 => answers.inaccessible(),
+        _ => answers.occlusion().to_vec(),
     };
     let (truth, predicted) = (of(&answered.sample.answers), of(&answered.predicted));
     let difference =
@@ -157,8 +157,8 @@ fn cutters(study: &Study, model: &AnyModel<f32>) -> Result<Sheet> {
                 [(&answered.sample.answers, "exact"), (&answered.predicted, "network")]
             {
                 let coloring = Coloring::Labels {
-                    inaccessible: &answers.inaccessible,
-                    occlusion: &answers.occlusion,
+                    inaccessible: &answers.inaccessible(),
+                    occlusion: answers.occlusion(),
                 };
                 let sites = &answered.sample.sites;
                 sheet.add(&part[0].mesh, sites, &coloring, format!("{words}, {by}"));

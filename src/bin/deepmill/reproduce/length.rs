@@ -84,7 +84,7 @@ pub fn run(study: &Study) -> Result<Value> {
                         &mut sheet,
                         part,
                         &sites,
-                        &answers.inaccessible,
+                        &answers.inaccessible(),
                         format!("{name}, CH {length} mm, FH {OTHER} mm"),
                     );
                 }

@@ -2,7 +2,7 @@
 
 use super::trainings::Trained;
 use deepmill::Result;
-use deepmill::answers::SiteAnswers;
+
 use deepmill::data::Sample;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::report::image::{Font, Image};
@@ -52,7 +52,8 @@ impl Sheet {
             let prediction = trained.model.predict(points, normals, sample.cutter.to_array())?;
             answers.push((name, prediction.answers()));
         }
-        for (name, SiteAnswers { inaccessible, occlusion, .. }) in &answers {
+        for (name, answers) in &answers {
+            let (inaccessible, occlusion) = (&answers.inaccessible(), answers.occlusion());
             let coloring = Coloring::Labels { inaccessible, occlusion };
             self.add(mesh, sites, &coloring, format!("{about}: {name}"));
         }

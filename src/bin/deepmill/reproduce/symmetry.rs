@@ -123,7 +123,7 @@ struct Scores {
 
 impl Scores {
     fn add(&mut self, of: (usize, [f64; 4]), answers: &SiteAnswers) {
-        let [i, o] = [&answers.inaccessible, &answers.occlusion].map(|flags| {
+        let [i, o] = [&answers.inaccessible(), answers.occlusion()].map(|flags| {
             let disagree = disagreeing(flags).into_iter().filter(|d| *d).count();
             disagree as f64 / flags.len().max(1) as f64
         });
@@ -176,11 +176,11 @@ fn show(sheet: &mut Sheet, part: &Symmetric, answers: &SiteAnswers, words: &str)
         Class { name: "inaccessible", color: [122, 134, 150] },
         Class { name: "mirror image disagrees", color: [206, 58, 44] },
     ];
-    let disagree = disagreeing(&answers.inaccessible);
+    let disagree = disagreeing(&answers.inaccessible());
     let class = |(inaccessible, disagrees): (&bool, &bool)| {
         if *disagrees { 2 } else { usize::from(*inaccessible) }
     };
-    let of: Vec<usize> = answers.inaccessible.iter().zip(&disagree).map(class).collect();
+    let of: Vec<usize> = answers.inaccessible().iter().zip(&disagree).map(class).collect();
     let coloring = Coloring::Groups { classes: &classes, of: &of, areas: &[] };
     sheet.add(&part.part.mesh, &part.sites, &coloring, format!("{}: {words}", part.part.name));
 }

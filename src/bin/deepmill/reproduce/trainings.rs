@@ -286,7 +286,7 @@ fn add(hasher: &mut hmac_sha256::Hash, sample: &Sample) {
         vector.to_array().iter().for_each(|x| hasher.update(x.to_le_bytes()));
     }
     sample.cutter.to_array().iter().for_each(|x| hasher.update(x.to_le_bytes()));
-    for flags in [&sample.answers.inaccessible, &sample.answers.occlusion] {
+    for flags in [&sample.answers.inaccessible(), sample.answers.occlusion()] {
         hasher.update(flags.iter().map(|flag| u8::from(*flag)).collect::<Vec<u8>>());
     }
 }

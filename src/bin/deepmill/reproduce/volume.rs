@@ -167,8 +167,8 @@ fn part_of<'a>(study: &'a Study, sample: &Sample) -> Result<&'a Part> {
 fn show(study: &Study, model: &AnyModel<f32>, sample: &Sample) -> Result<Vec<(Image, String)>> {
     let volume = Volume::new(&part_of(study, sample)?.mesh, study.args.sites)?;
     let prediction = model.predict(&sample.sites.points, &[], sample.cutter.to_array())?;
-    let exact = file(sample, &volume, &sample.answers.inaccessible)?;
-    let predicted = file(sample, &volume, &prediction.answers().inaccessible)?;
+    let exact = file(sample, &volume, &sample.answers.inaccessible())?;
+    let predicted = file(sample, &volume, &prediction.answers().inaccessible())?;
     let layer = section::most_mixed_layer(&exact);
     let picture =
         |file, name: &str| (section::draw(file, layer), format!("{}: {name}", sample.name));
