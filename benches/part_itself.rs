@@ -23,8 +23,9 @@
 //! (Linux; elsewhere 0) and, after a slash, the time that passed: means of the runs in 0.3 s.
 #![allow(clippy::print_stdout)]
 
+use deepmill::access::Labels;
 use deepmill::access::surface::{
-    ContactTolerance, Reached, RefinementOptions, SurfaceLabels, SurfaceOptions, TriangleObstacles,
+    ContactTolerance, Reached, RefinementOptions, SurfaceOptions, TriangleObstacles,
 };
 use deepmill::answers::SiteAnswer;
 use deepmill::cutter::{Assembly, Cutter, CutterParams, Section, TipShape};
@@ -193,7 +194,7 @@ fn cost(path: &str, n_sites: usize, n_directions: usize, all: &mut [Vec<Times>; 
         };
         let [labels, searched, counts] = [&quick, &search, &base].map(label);
         let with_beta = base.with_occlusion(true);
-        let (_, beta) = timed(|| obstacles.label_sites(&sites, &cutter, &directions, &with_beta));
+        let (_, beta) = timed(|| obstacles.label(&sites, &cutter, &directions, &with_beta));
         let times = [labels.1, searched.1, counts.1, beta];
         all.iter_mut().zip(times).for_each(|(all, times)| all.push(times));
         println!(
@@ -205,8 +206,8 @@ fn cost(path: &str, n_sites: usize, n_directions: usize, all: &mut [Vec<Times>; 
             times[2],
             work(&counts.0),
             times[3],
-            labels.0.share(SiteAnswer::Inaccessible),
-            searched.0.share(SiteAnswer::Inaccessible),
+            labels.0.answers.share(SiteAnswer::Inaccessible),
+            searched.0.answers.share(SiteAnswer::Inaccessible),
         );
     }
 }
@@ -265,10 +266,10 @@ fn wide(
     let holder = [Section::cylinder(length, holder)];
     let tool = Assembly::new(tip, &body, &holder, stick_out).expect("a tool");
     let cutter = tool.cutter().expect("a cutter");
-    let options = SurfaceOptions::default();
+    let options = SurfaceOptions::default().with_occlusion(false);
     let (labels, times) =
         timed(|| obstacles.label(sites, &cutter, directions, &options).expect("labels"));
-    let rest = |&i: &u32| labels.answers[i as usize] != SiteAnswer::Accessible;
+    let rest = |&i: &u32| labels.answers.of(i as usize) != SiteAnswer::Accessible;
     let members: Vec<u32> = (0..sites.len() as u32).filter(rest).collect();
     let remedies = Default::default();
     let of = (sites, &members[..]);
@@ -295,10 +296,11 @@ fn plain(path: &str, n_sites: usize, n_directions: usize) {
     }
 }
 
-fn work(labels: &SurfaceLabels) -> String {
+fn work(labels: &Labels) -> String {
     let n = labels.answers.len() as f64;
-    let tools = labels.stats.tools_tested as f64;
-    let triangles = labels.stats.triangles_tested as f64;
+    let stats = labels.surface.as_ref().expect("by the mesh").stats;
+    let tools = stats.tools_tested as f64;
+    let triangles = stats.triangles_tested as f64;
     format!("{:.2} tools per site, {:.1} triangles per tool", tools / n, triangles / tools.max(1.0))
 }
 
@@ -341,7 +343,7 @@ fn curve(path: &str, n_sites: usize, all: &mut [Vec<Found>; SEARCHED.len()]) {
             if n_directions == 150 {
                 unit = t.processor;
             }
-            let share = labels.share(SiteAnswer::Accessible);
+            let share = labels.answers.share(SiteAnswer::Accessible);
             println!("  {n_directions} directions: accessible {share:.4}, {t}");
         }
         for ([n_kept, n_levels], all) in SEARCHED.into_iter().zip(all.iter_mut()) {
@@ -354,7 +356,8 @@ fn curve(path: &str, n_sites: usize, all: &mut [Vec<Found>; SEARCHED.len()]) {
             let n_truth = truth.iter().filter(|a| **a).count();
             let n_found = found.iter().filter(|a| **a).count();
             let rest = found.len() - n_found;
-            let open = labels.open_directions.iter().zip(&found);
+            let evidence = labels.surface.expect("by the mesh");
+            let open = evidence.open_directions.iter().zip(&found);
             let proven = open.filter(|(open, found)| !**found && **open == 0.0).count();
             let [cost, share] = [t.processor / unit, both as f64 / n_truth.max(1) as f64];
             all.push([cost, share]);
@@ -369,8 +372,8 @@ fn curve(path: &str, n_sites: usize, all: &mut [Vec<Found>; SEARCHED.len()]) {
     }
 }
 
-fn accessible(labels: &SurfaceLabels) -> Vec<bool> {
-    labels.answers.iter().map(|answer| *answer == SiteAnswer::Accessible).collect()
+fn accessible(labels: &Labels) -> Vec<bool> {
+    labels.answers.accessible()
 }
 
 fn equal(path: &str, n_sites: usize, n_directions: usize) {

@@ -18,7 +18,8 @@
 //! Parts with an edge of the bounding box below 80 mm are scaled up to 80 mm.
 #![allow(clippy::print_stdout)]
 
-use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use deepmill::access::Labels;
+use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 use deepmill::answers::SiteAnswer;
 use deepmill::cutter::{Assembly, Cutter, Profile, Section};
 use deepmill::directions::Directions;
@@ -128,7 +129,7 @@ impl Part {
         }
     }
 
-    fn labels(&self, cutter: &Cutter, directions: &Directions) -> SurfaceLabels {
+    fn labels(&self, cutter: &Cutter, directions: &Directions) -> Labels {
         self.obstacles.label(&self.sites, cutter, directions, &options()).expect("labels")
     }
 
@@ -139,7 +140,7 @@ impl Part {
             let run = || {
                 let start = Instant::now();
                 let labels = self.labels(&cutter, directions);
-                (start.elapsed().as_secs_f64(), labels.share(SiteAnswer::Accessible))
+                (start.elapsed().as_secs_f64(), labels.answers.share(SiteAnswer::Accessible))
             };
             let ((first, share), (second, _)) = (run(), run());
             let least = first.min(second);
@@ -160,7 +161,7 @@ impl Part {
             let labels = self.labels(&cutter, directions);
             let options = options();
             let search = Search { part: self, cutter: &cutter, options: &options };
-            let reached: Vec<bool> = labels.witness.iter().map(Option::is_some).collect();
+            let reached: Vec<bool> = labels.answers.witness().iter().map(Option::is_some).collect();
             let mut n_alone = [0; 2];
             for i in (0..self.sites.len()).filter(|i| !reached[*i]) {
                 let site = [self.sites.points[i], self.sites.normals[i]].map(|p| p.as_dvec3());
@@ -177,7 +178,8 @@ impl Part {
                 }
             }
             let n_reached = reached.iter().filter(|reached| **reached).count();
-            let n_unproven = labels.retreat_unproven.iter().filter(|unproven| **unproven).count();
+            let evidence = labels.surface.expect("by the mesh");
+            let n_unproven = evidence.retreat_unproven.iter().filter(|unproven| **unproven).count();
             println!(
                 "{:<25} {tool:<17} {:>7} {n_reached:>8} {:>9} {:>10} {n_unproven:>11}",
                 self.name,

@@ -18,7 +18,7 @@
 //! ```
 
 use crate::access::Labels;
-use crate::access::surface::SurfaceLabels;
+use crate::access::surface::SurfaceEvidence;
 use crate::answers::{NetworkEvidence, SiteAnswers};
 use crate::geom::{Mesh, Sites};
 use crate::model::Prediction;
@@ -134,15 +134,11 @@ views!(Labels {
         "Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.";
 });
 
-views!(SurfaceLabels {
+views!(SurfaceEvidence {
     collision_free_directions_array of collision_free_directions: u32,
         "Per query: directions in which no step penetrates the part; empty if not counted.";
-    accessible_directions_array of accessible_directions: u32,
-        "Per query: of these, directions in which the tip fits too.";
     open_directions_array of open_directions: f32,
         "Per query: share of the directions that was not proven closed.";
-    clearance_mm_array of clearance_mm: f32,
-        "Per query: signed clearance, mm; empty if not wanted.";
     retreat_unproven_array of retreat_unproven: bool,
         "Per query: a pose is free, but no retreat is proven; empty for most tools.";
 });

@@ -120,7 +120,7 @@ fn answers_have_the_bits_of_the_library_for_every_number_of_threads() {
         assert_eq!(shares, expected.areas().unwrap().shares());
         for (tool, of) in (0..).zip(expected.answers()) {
             let (answers, surface) = (&of.labels.answers, of.labels.surface.as_ref().unwrap());
-            let codes: Vec<u8> = surface.answers.iter().map(|answer| *answer as u8).collect();
+            let codes: Vec<u8> = answers.of_sites().iter().map(|answer| *answer as u8).collect();
             assert_eq!(library.bytes(outcome, tool, DM_ANSWERS), codes);
             assert_eq!(library.floats(outcome, tool, DM_REST_MM), answers.rest_mm());
             let volume = library.floats(outcome, tool, DM_REST_VOLUME_MM3);

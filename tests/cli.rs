@@ -182,7 +182,7 @@ fn label_answers_by_the_mesh_definition_and_says_so() {
         assert_eq!(surface.witness[i].is_some(), normal.z > -0.5);
         assert_eq!(surface.tolerance_mm[i], 0.01);
     }
-    assert_eq!(surface.tip_does_not_fit(), vec![false; 300]);
+    assert_eq!(file.labels.answers.tip_does_not_fit(), vec![false; 300]);
     let (_, clamped) = run(&["--fixture", &clamp, "--table", "0", "--tolerance", "0.05"]);
     // At the rim a site is as near to the wall as the tolerance.
     let is_inside =

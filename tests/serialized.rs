@@ -3,7 +3,7 @@
 
 use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
 use deepmill::access::surface::explain::Query;
-use deepmill::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles};
+use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 use deepmill::access::{CollisionMatrix, Engine, LabelOptions, Labeler, Labels};
 use deepmill::answers::SiteAnswers;
 use deepmill::cutter::{Assembly, Cutter, CutterParams, Profile, Section, TipShape};
@@ -158,8 +158,9 @@ fn labels_of_the_mesh_definition_are_read_back() {
     let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
     let options = SurfaceOptions::default();
     let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
-    again::<SurfaceLabels>(&labels);
-    assert!(labels.witness.iter().flatten().all(|pose| pose.direction == Vec3::Z));
+    again(&labels);
+    let surface = labels.surface.unwrap();
+    assert!(surface.witness.iter().flatten().all(|pose| pose.direction == Vec3::Z));
 }
 
 #[test]

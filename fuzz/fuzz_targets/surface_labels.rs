@@ -5,9 +5,8 @@
 
 mod scene;
 
-use deepmill::access::surface::{
-    ContactTolerance, SiteAnswer, SurfaceOptions, TriangleObstacles, raise,
-};
+use deepmill::access::surface::{ContactTolerance, SurfaceOptions, TriangleObstacles, raise};
+use deepmill::answers::SiteAnswer;
 use deepmill::geom::{Mesh, Sites};
 use glam::{DVec3, Vec3};
 use libfuzzer_sys::fuzz_target;
@@ -41,12 +40,13 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let fast = obstacles.label(&sites, &cutter, &directions, &options(TOLERANCE_MM));
     let Ok(fast) = fast else { return };
+    let evidence = fast.surface.expect("by the mesh");
     let raised = |tolerance: f64, center: DVec3, direction: Vec3| {
         raise(&mesh, &cutter, tolerance, center, direction)
             .is_ok_and(|raise| raise.steps <= 0.0 && raise.tip <= 0.0)
     };
     for i in 0..sites.len() {
-        if let Some(pose) = fast.witness[i] {
+        if let Some(pose) = evidence.witness[i] {
             let axis = pose.direction.as_dvec3().normalize();
             let center = pose.tip_mm + cutter.corner_mm() * axis;
             assert!(raised(TOLERANCE_MM + EDGE_MM, center, pose.direction), "site {i}: {pose:?}");
@@ -56,6 +56,6 @@ fuzz_target!(|bytes: &[u8]| {
             let free = |d: &Vec3| raised(TOLERANCE_MM - EDGE_MM, center, *d);
             assert!(!directions.vectors().iter().any(free), "site {i}");
         }
-        assert_eq!(fast.witness[i].is_some(), fast.answers[i] == SiteAnswer::Accessible);
+        assert_eq!(evidence.witness[i].is_some(), fast.answers.of(i) == SiteAnswer::Accessible);
     }
 });

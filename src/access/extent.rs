@@ -145,7 +145,7 @@ mod tests {
         let cutters = [cutter.clone()];
         for error in [
             label_many(&sites, Obstacles::Queries, &cutters, &directions, &options).unwrap_err(),
-            obstacles.label(&sites, &cutter, &directions, &of_surface).unwrap_err(),
+            obstacles.surface_labels(&sites, &cutter, &directions, &of_surface).unwrap_err(),
             obstacles.accessible_directions(&sites, &cutter, &directions, &of_surface).unwrap_err(),
             obstacles.reach_many(&sites, &[], &directions, &of_surface).unwrap_err(),
         ] {

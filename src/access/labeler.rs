@@ -83,7 +83,7 @@ impl Labeler {
             }
             Definition::Part(obstacles, options) => {
                 let options = SurfaceOptions { beta: false, ..*options };
-                obstacles.label_sites(sites, cutter, &self.directions, &options)
+                obstacles.label(sites, cutter, &self.directions, &options)
             }
         };
         labels.map(|labels| labels.answers)
@@ -99,7 +99,7 @@ impl Labeler {
                 label(sites, Obstacles::Queries, cutter, &self.directions, options)
             }
             Definition::Part(obstacles, options) => {
-                obstacles.label_sites(sites, cutter, &self.directions, options)
+                obstacles.label(sites, cutter, &self.directions, options)
             }
         }
     }

@@ -3,7 +3,7 @@
 use super::bottom_sites;
 use super::matrix::CollisionMatrix;
 use super::stats::Stats;
-use super::surface::SurfaceLabels;
+use super::surface::SurfaceEvidence;
 use crate::answers::{Rounding, SiteAnswers};
 use crate::cutter::ToolPart;
 use crate::simd::Isa;
@@ -176,15 +176,15 @@ impl LabelOptions {
 pub struct Labels {
     /// Per query, what any engine answers.
     pub answers: SiteAnswers,
-    /// Per query: the first direction of the set without collision; nothing but `None` by the mesh definition, where
+    /// Per query: the first direction of the set without collision; empty by the mesh definition, where
     /// [`SiteAnswers::witness`] may lie between the directions of the set.
     pub witness: Vec<Option<u32>>,
     /// Per obstacle: pairs (inaccessible query, direction) it collides in; empty if not wanted.
     pub beta: Vec<u64>,
     /// The answer per direction and query, if wanted.
     pub collision_matrix: Option<CollisionMatrix>,
-    /// What only triangles answer, if they are the obstacles.
-    pub surface: Option<SurfaceLabels>,
+    /// What only the mesh definition gives; `None` by the published definition.
+    pub surface: Option<SurfaceEvidence>,
     /// Per query: the part of the tool that blocks in the direction which gets furthest; empty if not wanted
     /// ([`surface::explain`](super::surface::explain)).
     pub blocked_by: Vec<Option<ToolPart>>,

@@ -96,7 +96,7 @@ pub(super) fn add_openings(
         let quick = SurfaceOptions { refinement: None, ..options.for_few(region.len()) };
         let mut is_reached = vec![false; region.len()];
         for tool in tools {
-            let found = obstacles.label(region, &tool.cutter, axis, &quick)?;
+            let found = obstacles.surface_labels(region, &tool.cutter, axis, &quick)?;
             for (reached, answer) in is_reached.iter_mut().zip(found.answers) {
                 *reached |= answer == SiteAnswer::Accessible;
             }

@@ -206,7 +206,7 @@ impl KeptOut {
                 }
                 let points = rows.iter().map(|&i| sites.points[i]).collect();
                 let left = Sites::new(points, rows.iter().map(|&i| sites.normals[i]).collect())?;
-                let again = obstacles.label(&left, &tool.cutter, directions, &options)?;
+                let again = obstacles.surface_labels(&left, &tool.cutter, directions, &options)?;
                 for (row, answer) in rows.into_iter().zip(again.answers) {
                     if answer == SiteAnswer::Accessible {
                         kept_by[row] = Some(k);

@@ -8,7 +8,6 @@ use super::placed::{Placed, without_area};
 use crate::access::surface::explain::blocking_parts_among_points;
 use crate::access::surface::{TriangleObstacles, Warning};
 use crate::access::{self, LabelOptions, Labels, Obstacles};
-use crate::answers::SiteAnswer;
 use crate::cutter::Cutter;
 use crate::data::files::tools::Tool;
 use crate::geom::Mesh;
@@ -21,7 +20,7 @@ impl Placed {
     /// Labels all sites for every tool, and finds what follows.
     ///
     /// # Errors
-    /// If the observer stops it ([`Error::Interrupted`]), or as [`TriangleObstacles::label_sites`] and
+    /// If the observer stops it ([`Error::Interrupted`]), or as [`TriangleObstacles::label`] and
     /// [`access::label_many`].
     pub fn label(self, observer: &mut dyn Observer) -> Result<Outcome> {
         self.label_with_first_look(observer, &mut |_| Ok(()))
@@ -117,10 +116,9 @@ impl Placed {
     ) -> Result<(Labels, Vec<Warning>)> {
         let (sites, directions, options) = (&self.sites, &self.directions, &self.options());
         let cutter = &tool.cutter;
-        let mut labels = obstacles.label_sites(sites, cutter, directions, options)?;
+        let mut labels = obstacles.label(sites, cutter, directions, options)?;
         let surface = labels.surface.as_mut().expect("labels by the mesh definition");
-        let reached = surface.answers.iter().map(|a| *a == SiteAnswer::Accessible);
-        let reached: Vec<bool> = reached.collect();
+        let reached = labels.answers.accessible();
         let found = (&reached[..], &surface.witness[..]);
         let rests = obstacles.rest_on_wide_tolerance(sites, cutter, directions, options, found)?;
         if rests.contains(&true) {
@@ -135,7 +133,7 @@ impl Placed {
         }
         let mut warnings = obstacles.warnings(mesh, sites, cutter, surface)?;
         if tool.clearance_mm > 0.0 {
-            let answered = (options, &surface.answers[..]);
+            let answered = (options, labels.answers.of_sites());
             let without = tool.assembly.cutter()?;
             let share =
                 obstacles.share_closed_by_clearance(sites, &without, directions, answered)?;
@@ -157,7 +155,7 @@ impl Placed {
         labels.blocked_by = match (triangles, &labels.surface) {
             (Some(triangles), Some(surface)) => {
                 let options = self.options();
-                let answered = (&options, &surface.answers[..], &surface.retreat_unproven[..]);
+                let answered = (&options, labels.answers.of_sites(), &surface.retreat_unproven[..]);
                 triangles.blocking_parts_of(sites, held, directions, answered)?
             }
             _ => {

@@ -191,7 +191,6 @@ impl<'a> OfTool<'a> {
             (Some(surface), Some(of)) => {
                 (surface.n_directions, surface.finish_mm) = (of.n_directions, of.finish_mm);
                 surface.stats = of.stats;
-                surface.clearance_mm = labels.answers.clearance_mm.clone();
                 labels.answers = labels.answers.with_shares_of(of.n_directions);
             }
             (None, None) => {

@@ -83,7 +83,7 @@ impl Analysis {
         let settings = AnalysisSettings {
             tool: Some(ToolSettings::of(tool)),
             directions: Some(directions.set().clone()),
-            n_directions: Some(labels.n_directions),
+            n_directions: labels.surface.as_ref().map(|evidence| evidence.n_directions),
             definition: Some(Definition::PartInSpace),
             part_itself: Some(request.part_settings()),
             origin_mm: request.origin.map(|at| at.to_array()),

@@ -192,6 +192,12 @@ impl SiteAnswers {
         self
     }
 
+    /// Share of the sites with this answer; 0 if there are none.
+    pub fn share(&self, answer: SiteAnswer) -> f64 {
+        let n = self.of_sites.iter().filter(|of_site| **of_site == answer).count();
+        n as f64 / self.len().max(1) as f64
+    }
+
     /// Number of inaccessible sites.
     pub fn n_inaccessible(&self) -> usize {
         self.of_sites.iter().filter(|of_site| **of_site == SiteAnswer::Inaccessible).count()

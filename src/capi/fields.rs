@@ -2,7 +2,7 @@
 
 use super::results::Results;
 use super::status::{Answer, Failure, not_computed, refused};
-use crate::access::surface::SurfaceLabels;
+use crate::access::surface::SurfaceEvidence;
 use glam::Vec3;
 use std::borrow::Cow;
 
@@ -143,7 +143,7 @@ impl Results {
     }
 
     /// What only the mesh definition answers, which is the only one here.
-    fn surface(&self, tool: u32) -> Answer<&SurfaceLabels> {
+    fn surface(&self, tool: u32) -> Answer<&SurfaceEvidence> {
         let none = || not_computed("the answer about the mesh", ALWAYS);
         self.tool(tool)?.labels.surface.as_ref().ok_or_else(none)
     }

@@ -31,7 +31,7 @@ pub use settings::Blocking;
 
 use super::npz::{NpzReader, NpzWriter};
 use crate::access::Labels;
-use crate::access::surface::SurfaceLabels;
+use crate::access::surface::SurfaceEvidence;
 use crate::answers::{SiteAnswers, of_sites};
 use crate::cutter::{CutterParams, ToolPart};
 use crate::geom::Sites;
@@ -173,7 +173,10 @@ impl LabelFile {
             let name = if missing { "accessible_directions" } else { "beta" };
             return Err(few(path, name, beta.len().min(n), n));
         }
-        let witness: Vec<i64> = witness.iter().map(|w| w.map_or(-1, i64::from)).collect();
+        let witness: Vec<i64> = match self.labels.surface {
+            Some(_) => vec![-1; n],
+            None => witness.iter().map(|w| w.map_or(-1, i64::from)).collect(),
+        };
         let mut npz = start(&self.sites, &self.provenance);
         add_answers(path, &mut npz, answers, n)?;
         npz.array("witness", &[witness.len()], &witness);
@@ -181,7 +184,7 @@ impl LabelFile {
             npz.array("beta", &[n], &beta[..n]);
         }
         if let Some(surface) = &self.labels.surface {
-            add_surface(&mut npz, surface);
+            add_surface(&mut npz, surface, answers.len());
         }
         let blocked_by = &self.labels.blocked_by;
         if !blocked_by.is_empty() {
@@ -217,6 +220,7 @@ impl LabelFile {
         };
         let mut labels = Labels { answers, ..Labels::default() };
         let witness = npz.counts::<i64>("witness")?;
+        same_length(path, &sites, "witness", witness.len())?;
         labels.witness = witness.into_iter().map(|w| u32::try_from(w).ok()).collect();
         if npz.has("occlusion") {
             labels.answers.occlusion = npz.bools("occlusion")?;
@@ -237,12 +241,13 @@ impl LabelFile {
             same_length(path, &sites, "rest_volume", labels.answers.rest_volume_mm3.len())?;
         }
         if npz.has("tip_does_not_fit") {
-            let surface = read_surface(path, &mut npz, &sites, &labels.answers)?;
-            labels.answers = SiteAnswers {
-                of_sites: surface.answers.clone(),
-                tests_tip: true,
-                ..labels.answers
-            };
+            let tip = npz.bools("tip_does_not_fit")?;
+            same_length(path, &sites, "tip_does_not_fit", tip.len())?;
+            let surface = read_surface(path, &mut npz, &sites)?;
+            labels.answers.of_sites = of_sites(&labels.answers.inaccessible(), &tip);
+            labels.answers.tests_tip = !tip.is_empty();
+            // Directions of the set alone have an index.
+            labels.witness.clear();
             labels.answers.witness = read_directions(path, &mut npz, &sites, WITNESS[0])?;
             labels.surface = Some(surface);
         }
@@ -255,7 +260,6 @@ impl LabelFile {
             let n_directions = labels.answers.accessible_directions.len();
             same_length(path, &sites, "accessible_directions", n_directions)?;
         }
-        same_length(path, &sites, "witness", labels.witness.len())?;
         let vertices = vertices::read(path, &mut npz, &sites)?;
         Ok(LabelFile { provenance, sites, labels, vertices })
     }
@@ -301,8 +305,7 @@ fn few(path: &Path, name: &str, len: usize, n: usize) -> Error {
 }
 
 /// Adds what only the mesh definition answers.
-fn add_surface(npz: &mut NpzWriter, surface: &SurfaceLabels) {
-    let n = surface.answers.len();
+fn add_surface(npz: &mut NpzWriter, surface: &SurfaceEvidence, n: usize) {
     if surface.retreat_unproven.is_empty() {
         npz.array("collision_free_directions", &[n], &surface.collision_free_directions);
     } else {
@@ -331,14 +334,7 @@ fn read_blocked_by(path: &Path, npz: &mut NpzReader) -> Result<Vec<Option<ToolPa
     npz.counts::<u32>("blocked_by")?.into_iter().map(part).collect()
 }
 
-fn read_surface(
-    path: &Path,
-    npz: &mut NpzReader,
-    sites: &Sites,
-    answers: &SiteAnswers,
-) -> Result<SurfaceLabels> {
-    let tip = npz.bools("tip_does_not_fit")?;
-    same_length(path, sites, "tip_does_not_fit", tip.len())?;
+fn read_surface(path: &Path, npz: &mut NpzReader, sites: &Sites) -> Result<SurfaceEvidence> {
     let retreat_unproven = match npz.has("retreat_unproven") {
         true => npz.bools("retreat_unproven")?,
         false => Vec::new(),
@@ -347,14 +343,12 @@ fn read_surface(
     if !is_counted {
         same_length(path, sites, "retreat_unproven", retreat_unproven.len())?;
     }
-    let surface = SurfaceLabels {
-        answers: of_sites(&answers.inaccessible(), &tip),
+    let surface = SurfaceEvidence {
         collision_free_directions: match is_counted {
             true => npz.counts("collision_free_directions")?,
             false => Vec::new(),
         },
         retreat_unproven,
-        accessible_directions: answers.accessible_directions.clone(),
         witness: read_poses(path, npz, sites, WITNESS)?,
         rest_pose: match npz.has(REST[0]) {
             true => read_poses(path, npz, sites, REST)?,
@@ -366,7 +360,7 @@ fn read_surface(
             true => npz.bools("rests_on_tolerance")?,
             false => Vec::new(),
         },
-        ..SurfaceLabels::default()
+        ..SurfaceEvidence::default()
     };
     if !surface.rests_on_tolerance.is_empty() {
         same_length(path, sites, "rests_on_tolerance", surface.rests_on_tolerance.len())?;

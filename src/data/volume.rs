@@ -98,8 +98,8 @@ impl VolumeObstacles {
             }
             VolumeObstacles::Part(triangles) => {
                 let options = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
-                let labels = triangles.label(queries, cutter, directions, &options)?;
-                (labels.inaccessible(), labels.accessible_directions, labels.n_directions)
+                let labels = triangles.surface_labels(queries, cutter, directions, &options)?;
+                (labels.inaccessible(), labels.accessible_directions, labels.evidence.n_directions)
             }
         };
         let none = vec![false; inaccessible.len()];

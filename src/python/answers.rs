@@ -10,7 +10,7 @@ use super::request::{Purpose, analysis};
 use super::tool::Tool;
 use super::why;
 use crate::access::Labels;
-use crate::access::surface::SurfaceLabels;
+use crate::access::surface::SurfaceEvidence;
 use crate::analysis;
 use crate::answers::SiteAnswers;
 use crate::atomic_file;
@@ -349,7 +349,7 @@ impl ToolAnswers {
         &self.labels().answers
     }
 
-    fn surface(&self) -> Option<&SurfaceLabels> {
+    fn surface(&self) -> Option<&SurfaceEvidence> {
         self.labels().surface.as_ref()
     }
 }

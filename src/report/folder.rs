@@ -144,7 +144,7 @@ fn with_labels<T>(file: &LabelFile, write: impl FnOnce(Shown) -> Result<T>) -> R
         values.extend(unproven.map(|of| ("retreat_unproven", PointValues::Flags(of))));
         let areas = SiteAreas::of(&file.sites, None)?;
         let shown = occlusion.filter(|_| shows_occlusion(file)).unwrap_or_default();
-        let (answers, areas) = (&surface.answers[..n], areas.shares());
+        let (answers, areas) = (&answers.of_sites[..n], areas.shares());
         let coloring = Coloring::Surface { answers, occlusion: shown, areas };
         let caption = format!("mesh definition\n{setup}");
         return write(Shown { caption: &caption, coloring, values: &values, notes: &notes });

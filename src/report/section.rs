@@ -81,8 +81,8 @@ pub fn draw(file: &VolumeFile, j: usize) -> Image {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::access::surface::SurfaceLabels;
-    use crate::answers::SiteAnswer;
+    use crate::access::Labels;
+    use crate::answers::{SiteAnswer, SiteAnswers};
     use crate::cutter::CutterParams;
     use crate::data::files::{AnalysisSettings, Provenance};
     use crate::geom::inside::Lattice;
@@ -94,13 +94,7 @@ mod tests {
         let mut answers = vec![SiteAnswer::Accessible; 12];
         // x 0, y 1, z 1.
         answers[2 * (1 + 3)] = SiteAnswer::Inaccessible;
-        let labels = SurfaceLabels {
-            answers,
-            witness: vec![None; 12],
-            collision_free_directions: vec![0; 12],
-            accessible_directions: vec![0; 12],
-            ..SurfaceLabels::default()
-        };
+        let labels = Labels { answers: SiteAnswers::by_mesh(answers), ..Labels::default() };
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
         let provenance = Provenance::ball_end("part", cutter, AnalysisSettings::default());
         let file = VolumeFile::new(provenance, lattice, &[false; 12], &labels).unwrap();

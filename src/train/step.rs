@@ -118,9 +118,8 @@ fn shape(sample: &Sample) -> Shape<'_> {
 
 /// Classes of both heads: 0 = inaccessible, and 1 = occlusion point.
 pub(super) fn targets(samples: &[Sample]) -> [Vec<u8>; 2] {
-    let head1 =
-        samples.iter().flat_map(|s| s.answers.inaccessible().into_iter().map(|l| u8::from(!l)));
-    let head2 = samples.iter().flat_map(|s| s.answers.occlusion.iter().map(|l| u8::from(*l)));
+    let head1 = samples.iter().flat_map(|s| s.answers.inaccessible()).map(|l| u8::from(!l));
+    let head2 = samples.iter().flat_map(|s| &s.answers.occlusion).map(|l| u8::from(*l));
     [head1.collect(), head2.collect()]
 }
 

@@ -211,7 +211,7 @@ mod tests {
             let found =
                 obstacles.accessible_directions(&sites, &cutter, &directions, &options).unwrap();
             assert_eq!((found.n_sites(), found.n_directions()), (60, 12));
-            let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+            let labels = obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap();
             let law = obstacles
                 .reached_by_drop_heights(&sites, &cutter, &directions, &options, 0.05)
                 .unwrap();

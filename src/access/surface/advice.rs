@@ -154,7 +154,7 @@ impl Region<'_> {
             places.iter().map(|(p, n)| (p.as_vec3(), n.as_vec3())).unzip();
         let sites = Sites { points, normals, faces: Vec::new() };
         let options = self.options.for_few(sites.len());
-        self.obstacles.label(&sites, cutter, directions, &options)
+        self.obstacles.surface_labels(&sites, cutter, directions, &options)
     }
 
     /// Whether the tool reaches each of these places.

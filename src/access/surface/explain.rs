@@ -272,7 +272,7 @@ impl Explanation {
     }
 
     /// Whether a pose is free and no way out of one is proven:
-    /// [`SurfaceLabels::retreat_unproven`](super::SurfaceLabels).
+    /// [`SurfaceEvidence::retreat_unproven`](super::SurfaceEvidence::retreat_unproven).
     pub fn retreat_unproven(&self) -> bool {
         let is_free = |state: &DirectionState| state.outcome == Outcome::NoRetreat;
         self.answer == SiteAnswer::Inaccessible && self.directions.iter().any(is_free)

@@ -6,7 +6,9 @@
 
 use super::caps::Silhouette;
 use super::cells::{Domain, Hierarchy};
-use super::labels::{SurfaceLabels, SurfaceOptions, SurfaceStats, Tally, WitnessPose};
+use super::labels::{
+    SurfaceEvidence, SurfaceLabels, SurfaceOptions, SurfaceStats, Tally, WitnessPose,
+};
 use super::problem::{Problem, WORD};
 use super::refine::{Place, Refinement, SearchState};
 use super::site::SiteState;
@@ -243,23 +245,24 @@ impl Problem<'_> {
         directions: &Directions,
         options: &SurfaceOptions,
     ) -> SurfaceLabels {
-        let mut labels = SurfaceLabels {
+        let mut labels = SurfaceLabels::default();
+        let mut evidence = SurfaceEvidence {
             tolerance_mm: self.own_tolerances,
             finish_mm: self.outline.finish(),
             n_directions: directions.len(),
-            ..SurfaceLabels::default()
+            ..SurfaceEvidence::default()
         };
         for (tally, stats) in tallies {
             labels.answers.push(tally.answer());
-            labels.witness.push(tally.witness);
-            labels.open_directions.push(if tally.witness.is_some() { 0.0 } else { tally.open });
+            evidence.witness.push(tally.witness);
+            evidence.open_directions.push(if tally.witness.is_some() { 0.0 } else { tally.open });
             if options.counts {
-                labels.collision_free_directions.push(tally.collision_free);
+                evidence.collision_free_directions.push(tally.collision_free);
                 labels.accessible_directions.push(tally.accessible);
             }
-            labels.stats += stats;
+            evidence.stats += stats;
         }
-        labels
+        SurfaceLabels { evidence, ..labels }
     }
 }
 

@@ -3,7 +3,8 @@
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::{Outline, axes};
 use super::verdict::Verdict;
-use crate::answers::SiteAnswer;
+use crate::access::Labels;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -178,30 +179,36 @@ const MAX_SAMPLES: usize = 100_000_000;
 /// More than any finish, mm.
 const MOST_FINISH_MM: f64 = 10.0;
 
-/// Answers by the mesh definition, in the order of the queries.
+/// Answers by the mesh definition, in the order of the queries, without β.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct SurfaceLabels {
+    /// Per query.
+    pub answers: Vec<SiteAnswer>,
+    /// Per query: directions in which no step penetrates the part and the tip fits; empty if not counted.
+    pub accessible_directions: Vec<u32>,
+    /// Per query, mm: how far the margin about what of the shrunk cutter does not cut may grow before the query becomes
+    /// inaccessible (positive), or every step must shrink before it is not any more (negative), within the limit of the
+    /// options and to 1e-4 mm; over the directions of the set and the witness. Empty without that option.
+    pub clearance_mm: Vec<f32>,
+    pub evidence: SurfaceEvidence,
+}
+
+/// What only the mesh definition gives beside its answers, in the order of the queries.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct SurfaceLabels {
+pub struct SurfaceEvidence {
     /// Number of directions tested and counted: those of the set, and +z where the set stands for all within an angle
     /// that +z is among.
     #[doc(hidden)] // of the program
     pub n_directions: usize,
-    /// Per query.
-    pub answers: Vec<SiteAnswer>,
     /// Per query: directions in which no step penetrates the part; empty if not counted.
     pub collision_free_directions: Vec<u32>,
-    /// Per query: of these, directions in which the tip fits too; empty if not counted.
-    pub accessible_directions: Vec<u32>,
     /// Per query: a free pose of the tool there, in the first direction of the set that has one, or in one between
     /// them.
     pub witness: Vec<Option<WitnessPose>>,
     /// Per query that is not accessible: share of the directions which the set stands for that was not proven closed.
     /// At 0 the answer holds for every direction, not only for those tested; 1 if there was no search between them.
     pub open_directions: Vec<f32>,
-    /// Per query, mm: how far the margin about what of the shrunk cutter does not cut may grow before the query becomes
-    /// inaccessible (positive), or every step must shrink before it is not any more (negative), within the limit of the
-    /// options and to 1e-4 mm; over the directions of the set and the witness. Empty without that option.
-    pub clearance_mm: Vec<f32>,
     /// Per query: the gouge tolerance against the facet that it lies on, mm.
     #[doc(hidden)] // of the program
     pub tolerance_mm: Vec<f64>,
@@ -233,15 +240,24 @@ impl SurfaceLabels {
         self.answers.iter().map(|answer| *answer == SiteAnswer::Inaccessible).collect()
     }
 
-    /// Per query, whether the tip is all that hinders the tool.
-    pub fn tip_does_not_fit(&self) -> Vec<bool> {
-        self.answers.iter().map(|answer| *answer == SiteAnswer::TipDoesNotFit).collect()
-    }
-
     /// Share of the queries with this answer; 0 if there are none.
     pub fn share(&self, answer: SiteAnswer) -> f64 {
         let n = self.answers.iter().filter(|other| **other == answer).count();
         n as f64 / self.answers.len().max(1) as f64
+    }
+
+    /// Without β.
+    pub fn labels(self) -> Labels {
+        let SurfaceLabels { answers, accessible_directions, clearance_mm, evidence } = self;
+        let direction = |pose: &Option<WitnessPose>| Some(pose.as_ref()?.direction);
+        let answers = SiteAnswers {
+            accessible_directions,
+            witness: evidence.witness.iter().map(direction).collect(),
+            clearance_mm,
+            ..SiteAnswers::by_mesh(answers)
+        };
+        let answers = answers.with_shares_of(evidence.n_directions);
+        Labels { answers, surface: Some(evidence), ..Labels::default() }
     }
 }
 
@@ -305,7 +321,7 @@ pub(super) struct Tally {
     pub witness: Option<WitnessPose>,
     /// Whether a direction between those of the set is collision-free.
     pub free_between: bool,
-    /// See [`SurfaceLabels::open_directions`].
+    /// See [`SurfaceEvidence::open_directions`].
     pub open: f32,
 }
 

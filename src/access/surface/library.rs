@@ -233,7 +233,7 @@ impl Pass<'_> {
             .collect();
         let labels = self.label(cutter, &rest)?;
         for (k, &i) in rest.iter().enumerate() {
-            (answers[i], witness[i]) = (labels.answers[k], labels.witness[k]);
+            (answers[i], witness[i]) = (labels.answers[k], labels.evidence.witness[k]);
             if closed[i].is_some() && witness[i].is_some() {
                 (answers[i], witness[i]) = (SiteAnswer::TipDoesNotFit, None);
             }
@@ -354,7 +354,7 @@ impl Pass<'_> {
             let mut found = Vec::new();
             for (k, &i) in open.iter().enumerate() {
                 answers[i] = labels.answers[k];
-                match labels.witness[k] {
+                match labels.evidence.witness[k] {
                     Some(pose) if body.witness[i].is_some() && closed[i].is_none() => {
                         found.push((i, pose));
                     }

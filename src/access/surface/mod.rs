@@ -75,7 +75,7 @@ pub use advice::{PartChange, PartLength};
 pub use faces::{BlockingFace, blocking_faces};
 #[doc(hidden)] // of the program and benches
 pub use labels::{FINISH_MM, SurfaceStats};
-pub use labels::{RefinementOptions, SurfaceLabels, SurfaceOptions, WitnessPose};
+pub use labels::{RefinementOptions, SurfaceEvidence, SurfaceOptions, WitnessPose};
 #[doc(hidden)] // of `analysis`, which compares tools
 pub use library::ToolReach;
 #[doc(hidden)] // of `analysis`

@@ -9,7 +9,7 @@ use super::profile::{self, ProfileTool};
 use super::tool::{Contact, Outline};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
 use crate::answers::SiteAnswer;
-use crate::answers::{SiteAnswers, n_of_share};
+use crate::answers::n_of_share;
 use crate::cutter::{Cutter, require_steps};
 use crate::directions::Directions;
 use crate::geom::mesh::WITHIN_1_KM;
@@ -33,7 +33,7 @@ use glam::{DVec3, Vec3};
 /// let obstacles = TriangleObstacles::new(&part, &[])?;
 /// let labels = obstacles.label(&sites, &cutter, &Directions::up(), &SurfaceOptions::default())?;
 /// // From above, all but the underside can be reached.
-/// for (answer, normal) in labels.answers.iter().zip(&sites.normals) {
+/// for (answer, normal) in labels.answers.of_sites().iter().zip(&sites.normals) {
 ///     assert_eq!(*answer == SiteAnswer::Accessible, normal.z > -0.5);
 /// }
 /// # Ok::<(), deepmill::Error>(())
@@ -99,12 +99,44 @@ impl TriangleObstacles {
         self.triangles.len() - self.bvh.n_triangles()
     }
 
-    /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition.
+    /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition; of sites with β
+    /// and occlusion points, if wanted: β counts, as in [`access`](crate::access), the pairs (inaccessible site, direction
+    /// tested) in which a site is in the steps of the shrunk tool.
     ///
     /// # Errors
     /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not
     /// below the cutter's radius, an option is outside its domain, or the answers would not fit into the memory.
     pub fn label<'a>(
+        &self,
+        queries: impl Into<Queries<'a>>,
+        cutter: &Cutter,
+        directions: &Directions,
+        options: &SurfaceOptions,
+    ) -> Result<Labels> {
+        let _floats = par::DefaultFloats::set();
+        let queries = queries.into();
+        let (Queries::Sites(sites), true) = (queries, options.occlusion) else {
+            return Ok(self.surface_labels(queries, cutter, directions, options)?.labels());
+        };
+        require_steps(cutter.profile(), "turn occlusion off")?;
+        let labels = self.surface_labels(queries, cutter, directions, options)?;
+        let greatest = labels.evidence.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let shrunk = (cutter, greatest);
+        let which = match options.beta {
+            true => Counted::All,
+            false => Counted::Greatest(n_of_share(options.share, sites.len())),
+        };
+        let beta = count_beta((sites, which), shrunk, directions, &labels.inaccessible())?;
+        let mut labels = labels.labels();
+        labels.answers.occlusion = occlusion_points(&beta, options.share);
+        if options.beta {
+            labels.beta = beta;
+        }
+        Ok(labels)
+    }
+
+    /// [`TriangleObstacles::label`] without β.
+    pub(crate) fn surface_labels<'a>(
         &self,
         queries: impl Into<Queries<'a>>,
         cutter: &Cutter,
@@ -136,49 +168,6 @@ impl TriangleObstacles {
         });
         let labels = problem.labels(tallies, &tested, options);
         Ok(SurfaceLabels { clearance_mm: clearance.unwrap_or_default(), ..labels })
-    }
-
-    /// As [`TriangleObstacles::label`], for sites, and with β and occlusion points if wanted: β counts, as in
-    /// [`access`](crate::access), the pairs (inaccessible site, direction tested) in which a site is in the steps of
-    /// the shrunk tool.
-    ///
-    /// # Errors
-    /// As [`TriangleObstacles::label`].
-    pub fn label_sites(
-        &self,
-        sites: &Sites,
-        cutter: &Cutter,
-        directions: &Directions,
-        options: &SurfaceOptions,
-    ) -> Result<Labels> {
-        let _floats = par::DefaultFloats::set();
-        if options.occlusion {
-            require_steps(cutter.profile(), "turn occlusion off")?;
-        }
-        let surface = self.label(sites, cutter, directions, options)?;
-        let mut answers = SiteAnswers {
-            accessible_directions: surface.accessible_directions.clone(),
-            witness: surface.witness.iter().map(|pose| Some(pose.as_ref()?.direction)).collect(),
-            clearance_mm: surface.clearance_mm.clone(),
-            ..SiteAnswers::by_mesh(surface.answers.clone())
-        }
-        .with_shares_of(surface.n_directions);
-        let mut beta = Vec::new();
-        if options.occlusion {
-            let greatest = surface.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
-            let shrunk = (cutter, greatest);
-            let which = match options.beta {
-                true => Counted::All,
-                false => Counted::Greatest(n_of_share(options.share, sites.len())),
-            };
-            beta = count_beta((sites, which), shrunk, directions, &answers.inaccessible())?;
-            answers.occlusion = occlusion_points(&beta, options.share);
-            if !options.beta {
-                beta = Vec::new();
-            }
-        }
-        let witness = vec![None; sites.len()];
-        Ok(Labels { answers, witness, beta, surface: Some(surface), ..Labels::default() })
     }
 
     pub(super) fn problem(

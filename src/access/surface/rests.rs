@@ -118,7 +118,7 @@ impl TriangleObstacles {
             return Ok(Vec::new());
         }
         let options = options.for_few(of.len());
-        let labels = self.label(&sites.subset(of), cutter, directions, &options)?;
+        let labels = self.surface_labels(&sites.subset(of), cutter, directions, &options)?;
         let is_reached = labels.answers.iter().map(|answer| *answer == SiteAnswer::Accessible);
         Ok(of.iter().copied().zip(is_reached).collect())
     }

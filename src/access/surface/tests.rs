@@ -1,9 +1,9 @@
 //! Claims about the mesh definition, each on bodies whose answer is known.
 
+use super::labels::{SurfaceEvidence, SurfaceLabels};
 use super::tool::Tip;
 use super::{
-    ContactTolerance, Reached, RefinementOptions, SurfaceLabels, SurfaceOptions, TriangleObstacles,
-    Warning,
+    ContactTolerance, Reached, RefinementOptions, SurfaceOptions, TriangleObstacles, Warning,
 };
 use super::{drop, penetrate, raise};
 use crate::answers::SiteAnswer;
@@ -67,7 +67,10 @@ fn label(
     directions: &Directions,
     options: &SurfaceOptions,
 ) -> SurfaceLabels {
-    TriangleObstacles::new(mesh, &[]).unwrap().label(sites, cutter, directions, options).unwrap()
+    TriangleObstacles::new(mesh, &[])
+        .unwrap()
+        .surface_labels(sites, cutter, directions, options)
+        .unwrap()
 }
 
 fn answers(
@@ -231,7 +234,7 @@ fn assert_equal_to_the_reference(
     let (less, more) =
         (law((1.0 - RESOLUTION_SHARE) * tolerance).unwrap(), law(tolerance + EPSILON_MM).unwrap());
     let fast = obstacles.accessible_directions(sites, cutter, directions, &options).unwrap();
-    let labels = obstacles.label(sites, cutter, directions, &options).unwrap();
+    let labels = obstacles.surface_labels(sites, cutter, directions, &options).unwrap();
     let (mut n_left, mut n_missed) = (0, 0);
     for i in 0..sites.len() {
         let mut any = false;
@@ -275,7 +278,7 @@ fn assert_counts_of_own_poses(
         [free, clear]
     };
     let [less, less_clear] = count(tolerance - EPSILON_MM);
-    let found = [labels.accessible_directions[i], labels.collision_free_directions[i]];
+    let found = [labels.accessible_directions[i], labels.evidence.collision_free_directions[i]];
     assert!(found[0] >= less && found[0] <= found[1], "{i} {less} {found:?} {cutter:?}");
     assert!(found[1] >= less_clear || cutter.side_mm() > 0.0, "{i} {less_clear} {found:?}");
 }

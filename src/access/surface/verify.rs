@@ -4,7 +4,7 @@ use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
 use crate::access::Counted;
-use crate::answers::{SiteAnswers, SpotCheck, SpotChecked, mark_top_share, of_sites};
+use crate::answers::{SiteAnswer, SiteAnswers, SpotCheck, SpotChecked, mark_top_share, of_sites};
 use crate::cutter::Cutter;
 use crate::directions::Directions;
 use crate::geom::Sites;
@@ -67,7 +67,7 @@ impl TriangleObstacles {
     /// Computes sites, as [`TriangleObstacles::label`] does, until a random sample of the others, drawn with `seed`,
     /// shows with a confidence of 0.95 that at most a share of `bound` of them has a wrong answer
     /// *inaccessible* ([`SiteAnswers::verify_by_spot_checks`]); all with a `bound` of 0. Then the β that may decide
-    /// which are occlusion points, as [`TriangleObstacles::label_sites`] does, from these answers and the predicted
+    /// which are occlusion points, as [`TriangleObstacles::label`] does, from these answers and the predicted
     /// ones of the other sites. Counts of directions and clearances are not computed.
     ///
     /// ```text
@@ -97,10 +97,14 @@ impl TriangleObstacles {
         predicted.check_sites(sites)?;
         let mut tip_does_not_fit = vec![false; sites.len()];
         let checked = predicted.verify_by_spot_checks((bound, seed), |of| {
-            let exact =
-                self.label(&sites.subset(of), cutter, directions, &options.for_few(of.len()))?;
-            for (&i, tip) in of.iter().zip(exact.tip_does_not_fit()) {
-                tip_does_not_fit[i] = tip;
+            let exact = self.surface_labels(
+                &sites.subset(of),
+                cutter,
+                directions,
+                &options.for_few(of.len()),
+            )?;
+            for (&i, answer) in of.iter().zip(&exact.answers) {
+                tip_does_not_fit[i] = *answer == SiteAnswer::TipDoesNotFit;
             }
             Ok(exact.inaccessible())
         })?;
@@ -162,7 +166,7 @@ mod tests {
         let directions: Directions = "60".parse().unwrap();
         let options = SurfaceOptions::default();
         let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
-        let exact = obstacles.label_sites(&sites, &cutter, &directions, &options).unwrap();
+        let exact = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
         // Wrong everywhere, and sure of it at the first half of the sites.
         let wrong = |i: usize| {
             let sure = if i < 600 { 0.995 } else { 0.6 };
@@ -212,7 +216,7 @@ mod tests {
         let directions: Directions = "60".parse().unwrap();
         let options = SurfaceOptions::default();
         let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
-        let exact = obstacles.label_sites(&sites, &cutter, &directions, &options).unwrap();
+        let exact = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
         // Right about accessibility. In doubt, and wrong, about occlusion at every third site, else right and sure.
         let occlusion = |i: usize| match (i % 3, exact.answers.occlusion[i]) {
             (0, marked) => 0.5 - 0.1 * (f32::from(u8::from(marked)) - 0.5),

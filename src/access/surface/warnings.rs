@@ -1,7 +1,7 @@
 //! Warnings about inputs that make exact answers misleading: a wrong unit, too few sites, a coarse tessellation.
 
 use super::faces::faces;
-use super::labels::SurfaceLabels;
+use super::labels::SurfaceEvidence;
 use super::obstacles::TriangleObstacles;
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::Outline;
@@ -55,8 +55,7 @@ pub enum Warning {
         /// Greatest tolerance, mm.
         greatest_mm: f64,
     },
-    /// Sites that are accessible by a tolerance above [`WIDE_MM`] alone: see
-    /// [`SurfaceLabels::rests_on_tolerance`](super::SurfaceLabels::rests_on_tolerance).
+    /// Sites that are accessible by a tolerance above [`WIDE_MM`] alone: see [`SurfaceEvidence::rests_on_tolerance`].
     RestsOnTolerance {
         /// Their number.
         n_sites: usize,
@@ -198,21 +197,21 @@ fn percent(share: f64) -> String {
 }
 
 impl TriangleObstacles {
-    /// Warnings about the answers `labels` for `sites` of `part`, which these obstacles were made of.
+    /// Warnings about the answers for `sites` of `part`, which these obstacles were made of, from the evidence for them.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].
     ///
     /// # Panics
-    /// If the labels are of other sites.
+    /// If the evidence is about other sites.
     pub fn warnings(
         &self,
         part: &Mesh,
         sites: &Sites,
         cutter: &Cutter,
-        labels: &SurfaceLabels,
+        evidence: &SurfaceEvidence,
     ) -> Result<Vec<Warning>> {
-        let outline = Outline::new(cutter, labels.finish_mm);
+        let outline = Outline::new(cutter, evidence.finish_mm);
         let mut warnings = Vec::new();
         let (low, high) = part.bounds().unwrap_or_default();
         let longest_mm = (high - low).max_element();
@@ -226,8 +225,8 @@ impl TriangleObstacles {
         warnings.extend(without_sites(part, sites));
         let n = sites.len().max(1) as f64;
         let share = |count: usize| count as f64 / n;
-        let granted = &labels.tolerance_mm;
-        assert_eq!(granted.len(), sites.len(), "labels of these sites");
+        let granted = &evidence.tolerance_mm;
+        assert_eq!(granted.len(), sites.len(), "evidence about these sites");
         let implied = ContactTolerance::Tessellation;
         let implied = implied.of_triangles(&outline, &self.chords, &self.bvh)?;
         let points: Vec<_> = sites.points.iter().map(|p| p.as_dvec3()).collect();
@@ -251,10 +250,10 @@ impl TriangleObstacles {
         if cutter.profile().is_some_and(Profile::is_drill) {
             warnings.push(Warning::Drill);
         } else if cutter.profile().is_some() {
-            let unproven = labels.retreat_unproven.iter().filter(|unproven| **unproven).count();
+            let unproven = evidence.retreat_unproven.iter().filter(|unproven| **unproven).count();
             warnings.push(Warning::Profile { unproven_share: share(unproven) });
         }
-        let rests = labels.rests_on_tolerance.iter().filter(|rests| **rests).count();
+        let rests = evidence.rests_on_tolerance.iter().filter(|rests| **rests).count();
         if rests > 0 {
             warnings.push(Warning::RestsOnTolerance {
                 n_sites: rests,
@@ -263,15 +262,15 @@ impl TriangleObstacles {
             });
         }
         let chords = self.chords.as_tolerances(&self.bvh).at_sites(&self.bvh, &points);
-        let coarser = || chords.iter().filter(|chord| **chord > labels.finish_mm);
+        let coarser = || chords.iter().filter(|chord| **chord > evidence.finish_mm);
         if coarser().next().is_some() {
             warnings.push(Warning::FinishBelowChord {
                 share: share(coarser().count()),
-                finish_mm: labels.finish_mm,
+                finish_mm: evidence.finish_mm,
                 chord_mm: coarser().fold(0.0, |a: f64, b| a.max(*b)),
             });
         }
-        let on_edge = labels.stats.borderline as f64 / n;
+        let on_edge = evidence.stats.borderline as f64 / n;
         if on_edge > BORDERLINE_SHARE {
             warnings.push(Warning::Borderline { share: on_edge });
         }
@@ -334,8 +333,9 @@ mod tests {
         let cutter = Cutter::ball_end([cr, 20.0, 20.0, 5.0].into()).unwrap();
         let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
         let options = SurfaceOptions { tolerance, occlusion: false, ..SurfaceOptions::default() };
-        let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
-        obstacles.warnings(mesh, &sites, &cutter, &labels).unwrap()
+        let up = Directions::up();
+        let labels = obstacles.surface_labels(&sites, &cutter, &up, &options).unwrap();
+        obstacles.warnings(mesh, &sites, &cutter, &labels.evidence).unwrap()
     }
 
     #[test]
@@ -423,10 +423,10 @@ mod tests {
         let rests = |cr: f64, options: &SurfaceOptions| {
             let cutter = Cutter::flat_end([cr, 60.0, cr + 5.0, 5.0].into()).unwrap();
             let up = Directions::up();
-            let labels = obstacles.label(&sites, &cutter, &up, options).unwrap();
+            let labels = obstacles.surface_labels(&sites, &cutter, &up, options).unwrap();
             let of: Vec<bool> =
                 labels.answers.iter().map(|a| *a == SiteAnswer::Accessible).collect();
-            let found = (&of[..], &labels.witness[..]);
+            let found = (&of[..], &labels.evidence.witness[..]);
             let rests =
                 obstacles.rest_on_wide_tolerance(&sites, &cutter, &up, options, found).unwrap();
             let none = obstacles
@@ -463,7 +463,7 @@ mod tests {
         let options = SurfaceOptions { occlusion: false, ..SurfaceOptions::default() };
         let cutter = Cutter::ball_end([3.0, 20.0, 25.0, 40.0].into()).unwrap();
         let with = cutter.with_clearance(30.0).unwrap();
-        let labels = obstacles.label(&sites, &with, &Directions::up(), &options).unwrap();
+        let labels = obstacles.surface_labels(&sites, &with, &Directions::up(), &options).unwrap();
         let answered = (&options, &labels.answers[..]);
         let up = Directions::up();
         let share = obstacles.share_closed_by_clearance(&sites, &cutter, &up, answered).unwrap();
@@ -489,9 +489,10 @@ mod tests {
         };
         for (cr, expected) in [(1.125, 1), (1.12, 0), (1.13, 0)] {
             let cutter = Cutter::ball_end([cr, 30.0, 1.0 + cr, 5.0].into()).unwrap();
-            let labels = obstacles.label(&sites, &cutter, &Directions::up(), &options).unwrap();
-            assert_eq!(labels.stats.borderline, expected, "{cr} {:?}", labels.answers);
-            let found = obstacles.warnings(&walls, &sites, &cutter, &labels).unwrap();
+            let up = Directions::up();
+            let labels = obstacles.surface_labels(&sites, &cutter, &up, &options).unwrap();
+            assert_eq!(labels.evidence.stats.borderline, expected, "{cr} {:?}", labels.answers);
+            let found = obstacles.warnings(&walls, &sites, &cutter, &labels.evidence).unwrap();
             assert_eq!(found.contains(&Warning::Borderline { share: 1.0 }), expected == 1);
         }
         assert_eq!(SurfaceStats::default().borderline, 0);

@@ -180,16 +180,16 @@ pub fn say_bodies(
 ) -> Result<Value> {
     let bodies = check::bodies(mesh)?;
     let n_bodies = bodies.iter().max().map_or(0, |last| *last as usize + 1);
-    let Some(surface) = labels.surface.as_ref().filter(|_| n_bodies > 1) else {
+    if labels.surface.is_none() || n_bodies <= 1 {
         return Ok(Value::Null);
-    };
+    }
     output.say(format!("{n_bodies} bodies, each labeled against all"));
     let of = |k: usize| {
         let is_of = |i: usize| bodies[sites.faces[i] as usize] as usize == k;
         let n = (0..sites.len()).filter(|&i| is_of(i)).count();
         let whole = areas.share(is_of);
         let share = |answer: SiteAnswer| match whole > 0.0 {
-            true => areas.share(|i| is_of(i) && surface.answers[i] == answer) / whole,
+            true => areas.share(|i| is_of(i) && labels.answers.of(i) == answer) / whole,
             false => 0.0,
         };
         let answers = [SiteAnswer::Accessible, SiteAnswer::Inaccessible, SiteAnswer::TipDoesNotFit];
@@ -237,9 +237,9 @@ pub fn add_rests(facts: &mut Facts, n_sites: usize) {
 /// Adds what only the mesh definition answers.
 pub fn add_facts(facts: &mut Facts, labels: &Labels) {
     let Some(surface) = &labels.surface else { return };
-    let n = surface.answers.len().max(1) as f64;
+    let n = labels.answers.len().max(1) as f64;
     let share = |count: usize| Cell::Share(count as f64 / n);
-    let others = surface.answers.iter().zip(&surface.open_directions);
+    let others = labels.answers.of_sites().iter().zip(&surface.open_directions);
     let others = others.filter(|(answer, _)| **answer != SiteAnswer::Accessible);
     let proven = others.filter(|(_, open)| **open == 0.0).count();
     facts.add("proven", "of all sites, proven out of reach for every direction", share(proven));

@@ -317,7 +317,8 @@ impl LabelQuery {
                     n_samples: 0,
                     ..self.options
                 };
-                let labels = triangles.label(&of_site, &tool.cutter, &self.directions, &options)?;
+                let labels =
+                    triangles.surface_labels(&of_site, &tool.cutter, &self.directions, &options)?;
                 Ok(labels.answers[0] == SiteAnswer::Accessible)
             }
             Barrier::Points(points) => {

@@ -52,34 +52,27 @@ fn labels_come_back_exactly() {
 
 #[test]
 fn poses_that_are_none_are_named() {
-    use crate::access::surface::{SurfaceLabels, WitnessPose};
+    use crate::access::surface::{SurfaceEvidence, WitnessPose};
     use crate::answers::SiteAnswer;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("labels.npz");
     let read = |direction: Vec3, tip_mm: DVec3| {
         let pose = Some(WitnessPose { direction, tip_mm });
-        let surface = SurfaceLabels {
-            answers: vec![SiteAnswer::Accessible; 2],
+        let surface = SurfaceEvidence {
             collision_free_directions: vec![1; 2],
-            accessible_directions: vec![1; 2],
             witness: vec![None, pose],
             rest_pose: vec![pose, None],
             open_directions: vec![0.0; 2],
             tolerance_mm: vec![0.01; 2],
-            ..SurfaceLabels::default()
+            ..SurfaceEvidence::default()
         };
         let answers = SiteAnswers {
             accessible_directions: vec![1; 2],
             occlusion: vec![false; 2],
             ..SiteAnswers::by_mesh(vec![SiteAnswer::Accessible; 2])
         };
-        let labels = Labels {
-            answers,
-            witness: vec![None; 2],
-            beta: vec![0; 2],
-            surface: Some(surface),
-            ..Labels::default()
-        };
+        let labels =
+            Labels { answers, beta: vec![0; 2], surface: Some(surface), ..Labels::default() };
         let (provenance, sites) = (provenance(), sites());
         LabelFile { provenance, sites, labels, vertices: None }.write(&path).unwrap();
         LabelFile::read(&path)

@@ -3,7 +3,8 @@
 use super::super::npz::{NpzReader, NpzWriter};
 use super::Provenance;
 use super::poses::unit_or_none;
-use crate::access::surface::SurfaceLabels;
+use crate::access::Labels;
+use crate::access::surface::SurfaceEvidence;
 use crate::answers::SiteAnswer;
 use crate::geom::inside::Lattice;
 use crate::{Error, Result};
@@ -92,7 +93,8 @@ const UNPROVEN: &str = "retreat_unproven";
 impl VolumeFile {
     const FORMAT: &str = "deepmill volume labels";
 
-    /// From labels of the points that are not `inside`, in their order.
+    /// From labels of the points that are not `inside`, in their order. Those without evidence, of a network, have
+    /// counts of 0.
     ///
     /// # Errors
     /// If there are not as many labels as points outside.
@@ -100,15 +102,26 @@ impl VolumeFile {
         provenance: Provenance,
         lattice: Lattice,
         inside: &[bool],
-        labels: &SurfaceLabels,
+        labels: &Labels,
     ) -> Result<Self> {
         let n_outside = inside.iter().filter(|inside| !**inside).count();
-        let SurfaceLabels { collision_free_directions, accessible_directions, .. } = labels;
-        let [free, accessible] = match labels.retreat_unproven.len() {
+        let answers = &labels.answers;
+        let zeros = vec![0; answers.len()];
+        let none = SurfaceEvidence {
+            witness: vec![None; answers.len()],
+            collision_free_directions: zeros.clone(),
+            ..SurfaceEvidence::default()
+        };
+        let (evidence, accessible_directions) = match &labels.surface {
+            Some(evidence) => (evidence, &answers.accessible_directions),
+            None => (&none, &zeros),
+        };
+        let SurfaceEvidence { collision_free_directions, retreat_unproven, .. } = evidence;
+        let [free, accessible] = match retreat_unproven.len() {
             0 => [collision_free_directions.len(), accessible_directions.len()],
             n => [n; 2],
         };
-        let counts = [labels.answers.len(), labels.witness.len(), free, accessible];
+        let counts = [answers.len(), evidence.witness.len(), free, accessible];
         if inside.len() != lattice.len() || counts != [n_outside; 4] {
             let found = format!("{counts:?} answers, {} points", inside.len());
             let expected = format!("{n_outside} answers, {} points", lattice.len());
@@ -121,13 +134,13 @@ impl VolumeFile {
             answers: vec![PointAnswer::Inside; inside.len()],
             collision_free_directions: at_points(inside, collision_free_directions),
             accessible_directions: at_points(inside, accessible_directions),
-            retreat_unproven: at_points(inside, &labels.retreat_unproven),
+            retreat_unproven: at_points(inside, retreat_unproven),
             witness: vec![None; inside.len()],
             said: Said::default(),
         };
         for (k, n) in (0..inside.len()).filter(|&n| !inside[n]).enumerate() {
-            file.answers[n] = labels.answers[k].into();
-            file.witness[n] = labels.witness[k].map(|pose| pose.direction);
+            file.answers[n] = answers.of(k).into();
+            file.witness[n] = evidence.witness[k].map(|pose| pose.direction);
         }
         Ok(file)
     }
@@ -279,6 +292,7 @@ fn meaning(is_counted: bool) -> Value {
 mod tests {
     use super::*;
     use crate::access::surface::WitnessPose;
+    use crate::answers::SiteAnswers;
     use crate::cutter::CutterParams;
     use crate::data::files::AnalysisSettings;
 
@@ -286,20 +300,29 @@ mod tests {
     fn what_is_written_is_read() {
         let lattice = Lattice::covering(DVec3::ZERO, DVec3::new(2.0, 1.0, 3.0), 1.0).unwrap();
         let inside = [false, true, false, false, true, false];
-        let labels = SurfaceLabels {
-            answers: vec![
-                SiteAnswer::Accessible,
-                SiteAnswer::Inaccessible,
-                SiteAnswer::TipDoesNotFit,
-                SiteAnswer::Accessible,
-            ],
+        let answers = vec![
+            SiteAnswer::Accessible,
+            SiteAnswer::Inaccessible,
+            SiteAnswer::TipDoesNotFit,
+            SiteAnswer::Accessible,
+        ];
+        let answers = SiteAnswers {
+            accessible_directions: vec![3, 0, 0, 1],
+            ..SiteAnswers::by_mesh(answers)
+        };
+        let evidence = SurfaceEvidence {
             witness: [Some(Vec3::Z), None, None, Some(Vec3::X)]
                 .map(|d| d.map(|direction| WitnessPose { direction, tip_mm: DVec3::ZERO }))
                 .to_vec(),
             collision_free_directions: vec![3, 0, 2, 1],
-            accessible_directions: vec![3, 0, 0, 1],
-            ..SurfaceLabels::default()
+            ..SurfaceEvidence::default()
         };
+        let with = |evidence: &SurfaceEvidence| Labels {
+            answers: answers.clone(),
+            surface: Some(evidence.clone()),
+            ..Labels::default()
+        };
+        let labels = with(&evidence);
         let cutter = CutterParams::from_array([1.0, 2.0, 3.0, 4.0]);
         let provenance = Provenance::ball_end("a part", cutter, AnalysisSettings::default());
         let file = VolumeFile::new(provenance.clone(), lattice, &inside, &labels).unwrap();
@@ -310,16 +333,16 @@ mod tests {
         let path = folder.path().join("volume.npz");
         file.write(&path).unwrap();
         assert_eq!(VolumeFile::read(&path).unwrap(), file);
-        let short = SurfaceLabels { witness: vec![], ..labels.clone() };
+        let short = with(&SurfaceEvidence { witness: vec![], ..evidence.clone() });
         assert!(VolumeFile::new(provenance.clone(), lattice, &inside, &short).is_err());
 
         // Of a tool given by its profile.
-        let labels = SurfaceLabels {
+        let mut labels = with(&SurfaceEvidence {
             collision_free_directions: vec![],
-            accessible_directions: vec![],
             retreat_unproven: vec![false, true, false, false],
-            ..labels
-        };
+            ..evidence
+        });
+        labels.answers.accessible_directions.clear();
         let file = VolumeFile::new(provenance, lattice, &inside, &labels).unwrap();
         assert_eq!(file.unproven_share(), Some(0.25));
         file.write(&path).unwrap();

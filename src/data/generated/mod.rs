@@ -78,6 +78,7 @@ pub fn family_of(index: u64) -> Family {
 ///
 /// # Panics
 /// As [`part`].
+#[doc(hidden)] // of the program
 pub fn mixed_part(seed: u64, index: u64) -> Mesh {
     part(family_of(index), seed, index)
 }

@@ -101,10 +101,10 @@ impl View {
         match &labels.surface {
             Some(surface) => {
                 view.caption = "mesh definition: the part's triangles block".into();
-                let answers = &surface.answers[..n];
-                view.color(&Coloring::Surface { answers, occlusion: &[], areas: &[] });
+                let of_sites = &answers.of_sites[..n];
+                view.color(&Coloring::Surface { answers: of_sites, occlusion: &[], areas: &[] });
                 view.mark(occlusion, &PART_ITSELF, folder::shows_occlusion(file));
-                let open = surface.open_directions.iter().zip(&surface.answers);
+                let open = surface.open_directions.iter().zip(of_sites);
                 let open = open.map(|(open, answer)| match answer {
                     SiteAnswer::Accessible => f32::NAN,
                     _ => 100.0 * open,

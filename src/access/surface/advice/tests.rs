@@ -67,7 +67,8 @@ fn advice(mesh: &Mesh, tool: &Assembly, n_sites: usize) -> (Vec<PartChange>, f64
     let sites = sample(mesh, &SiteOptions { n_sites, ..SiteOptions::default() }).unwrap();
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let (directions, options) = (Directions::up(), SurfaceOptions::default());
-    let labels = obstacles.label(&sites, &tool.cutter().unwrap(), &directions, &options).unwrap();
+    let labels =
+        obstacles.surface_labels(&sites, &tool.cutter().unwrap(), &directions, &options).unwrap();
     // Without the underside and the sides of the block.
     let is_inside = |i: usize| {
         let p = sites.points[i];

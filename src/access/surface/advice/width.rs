@@ -63,7 +63,8 @@ impl Region<'_> {
             let freed: Vec<usize> = (0..self.n()).filter(is_new).collect();
             freed.iter().for_each(|&i| counted[i] = true);
             let share = freed.len() as f64 / self.n() as f64;
-            let direction = |wall: &Wall| labels.witness[wall.site].map(|w| w.direction.as_dvec3());
+            let direction =
+                |wall: &Wall| labels.evidence.witness[wall.site].map(|w| w.direction.as_dvec3());
             let deep = group.iter().filter(|wall| freed.contains(&wall.site));
             let deep = deep.filter_map(|wall| Some((wall, direction(wall)?))).take(N_DEPTHS);
             let measured = deep.map(|(wall, d)| (self.depth(wall, d), wall, d));

@@ -145,10 +145,10 @@ impl Case<'_> {
                     n_samples: N_SAMPLES,
                     ..SurfaceOptions::default()
                 };
-                let labels = triangles.label(&sites, &cutter, directions, &options)?;
-                let (answer, pose) = (labels.answers[0], labels.witness[0]);
+                let labels = triangles.surface_labels(&sites, &cutter, directions, &options)?;
+                let (answer, pose) = (labels.answers[0], labels.evidence.witness[0]);
                 let witness = pose.map(|pose| pose.direction);
-                Ok(Answered { answer, witness, pose, tolerance: labels.tolerance_mm[0] })
+                Ok(Answered { answer, witness, pose, tolerance: labels.evidence.tolerance_mm[0] })
             }
             Barrier::Points(_, others) => {
                 let options = LabelOptions {

@@ -47,8 +47,8 @@ impl Case<'_> {
                 refinement: None,
                 ..given.for_few(1)
             };
-            let labels = triangles.label(&sites, &cutter, &self.tested, &options)?;
-            Ok::<_, crate::Error>(labels.witness[0])
+            let labels = triangles.surface_labels(&sites, &cutter, &self.tested, &options)?;
+            Ok::<_, crate::Error>(labels.evidence.witness[0])
         };
         let radius = cutter.corner_mm() + cutter.side_mm();
         let (mut low, mut high) = (tolerance, MOST * radius);

@@ -48,9 +48,13 @@ impl TriangleObstacles {
             let among = inaccessible(answers);
             let cutter = tool.with_clearance(clearance_mm)?.cutter()?;
             let options = options.for_few(among.len());
-            let labels = self.label(&sites.subset(&among), &cutter, directions, &options)?;
+            let labels =
+                self.surface_labels(&sites.subset(&among), &cutter, directions, &options)?;
             is_free = vec![false; answers.len()];
-            among.iter().zip(labels.retreat_unproven).for_each(|(&i, free)| is_free[i] = free);
+            among
+                .iter()
+                .zip(labels.evidence.retreat_unproven)
+                .for_each(|(&i, free)| is_free[i] = free);
         }
         let held = (tool, clearance_mm);
         self.blocking_parts_of(sites, held, directions, (options, answers, &is_free))
@@ -82,7 +86,7 @@ impl TriangleObstacles {
             let labels = self.of_left((sites, &left), &cutter, directions, &options)?;
             let is_blocked = |k: usize| {
                 labels.answers[k] == SiteAnswer::Inaccessible
-                    && !labels.retreat_unproven.get(k).is_some_and(|is_free| *is_free)
+                    && !labels.evidence.retreat_unproven.get(k).is_some_and(|is_free| *is_free)
             };
             left = (0..left.len()).filter(|&k| !is_blocked(k)).map(|k| left[k]).collect();
             left.iter().for_each(|&i| parts[i] = Some(part));
@@ -101,7 +105,7 @@ impl TriangleObstacles {
         if left.is_empty() {
             return Ok(SurfaceLabels::default());
         }
-        self.label(&sites.subset(left), cutter, directions, &options.for_few(left.len()))
+        self.surface_labels(&sites.subset(left), cutter, directions, &options.for_few(left.len()))
     }
 }
 

@@ -127,8 +127,8 @@ impl<'a> ProfileCase<'a> {
             ..self.query.options.for_few(1)
         };
         let (sites, cutter) = (self.site(), self.cutter(tool)?);
-        let labels = self.triangles.label(&sites, &cutter, directions, &options)?;
-        Ok((labels.answers[0], labels.witness[0], labels.tolerance_mm[0]))
+        let labels = self.triangles.surface_labels(&sites, &cutter, directions, &options)?;
+        Ok((labels.answers[0], labels.evidence.witness[0], labels.evidence.tolerance_mm[0]))
     }
 
     /// A direction in which a tool reaches the site, of all that are tried; none for a tool that is thinner than its

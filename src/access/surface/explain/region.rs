@@ -105,7 +105,7 @@ impl TriangleObstacles {
         let few: Vec<usize> = spread(members, N_LABELED).collect();
         let few = sites.subset(&few);
         let cutter = change.tool.with_clearance(clearance_mm)?.cutter()?;
-        let labels = self.label(&few, &cutter, directions, &options.for_few(few.len()))?;
+        let labels = self.surface_labels(&few, &cutter, directions, &options.for_few(few.len()))?;
         let change = RegionChange { share: labels.share(SiteAnswer::Accessible), change };
         Ok(RegionAdvice { change: Some(change), ..advice })
     }

@@ -39,19 +39,23 @@ impl TriangleObstacles {
         tool: &Assembly,
         (directions, options): (&Directions, &SurfaceOptions),
     ) -> Result<ToolReach> {
-        let held = self.label(sites, &tool.cutter()?, directions, options)?;
-        let body = self.label(sites, &tool.body_cutter()?, directions, options)?;
+        let held = self.surface_labels(sites, &tool.cutter()?, directions, options)?;
+        let body = self.surface_labels(sites, &tool.body_cutter()?, directions, options)?;
         let lengths = Lengths::new(self, tool, options)?;
         let blocks = par::map_blocks(sites.len(), BLOCK, |range| {
             let least = |i: usize| {
-                let of_body = lengths.least(body.witness[i], lengths.all.len());
-                let found = lengths.least(held.witness[i], lengths.own + 1);
+                let of_body = lengths.least(body.evidence.witness[i], lengths.all.len());
+                let found = lengths.least(held.evidence.witness[i], lengths.own + 1);
                 let is_less = of_body.is_some_and(|k| found.is_none_or(|found| k < found));
-                if is_less { (of_body, body.witness[i]) } else { (found, held.witness[i]) }
+                if is_less {
+                    (of_body, body.evidence.witness[i])
+                } else {
+                    (found, held.evidence.witness[i])
+                }
             };
             range.map(least).collect::<Vec<_>>()
         });
-        let (mut answers, mut witness) = (held.answers, held.witness);
+        let (mut answers, mut witness) = (held.answers, held.evidence.witness);
         let mut least_stick_out_mm = Vec::with_capacity(sites.len());
         let mut body_reaches = Vec::with_capacity(sites.len());
         for (i, (least, pose)) in blocks.into_iter().flatten().enumerate() {

@@ -320,7 +320,7 @@ fn rests_are_no_more_than_a_dense_search_finds() {
         let sites = sample(&mesh, &SiteOptions { n_sites: 100, ..SiteOptions::default() }).unwrap();
         for corner in [2.0, 0.0, 0.6] {
             let cutter = Cutter::bull_nose(lengths, corner).unwrap();
-            let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+            let labels = obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap();
             let reached = |i: &usize| labels.answers[*i] == SiteAnswer::Accessible;
             let which: Vec<usize> = (0..sites.len()).filter(|i| !reached(i)).step_by(4).collect();
             let of = (&sites, &which[..]);
@@ -384,7 +384,7 @@ fn left_about_sites(mesh: &Mesh, cutter: &Cutter, directions: &Directions) -> f6
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let options = SiteOptions { n_sites: 6000, ..SiteOptions::default() };
     let (sites, options) = (sample(mesh, &options).unwrap(), SurfaceOptions::default());
-    let answers = obstacles.label(&sites, cutter, directions, &options).unwrap().answers;
+    let answers = obstacles.surface_labels(&sites, cutter, directions, &options).unwrap().answers;
     let which: Vec<usize> =
         (0..sites.len()).filter(|&i| answers[i] != SiteAnswer::Accessible).collect();
     let (rests, _) = obstacles.rests((&sites, &which), cutter, directions, &options).unwrap();

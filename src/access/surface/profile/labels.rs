@@ -3,7 +3,7 @@
 use super::frame::Frame;
 use super::label::{ProfileTool, SiteResult};
 use crate::access::surface::cells::Domain;
-use crate::access::surface::labels::{SurfaceLabels, SurfaceStats};
+use crate::access::surface::labels::{SurfaceEvidence, SurfaceLabels, SurfaceStats};
 use crate::access::surface::tool::Contact;
 use crate::directions::Directions;
 use crate::par;
@@ -25,25 +25,26 @@ pub(in crate::access::surface) fn label(
         Some(Contact { normal: None, .. }) => tool.in_space(contacts, part, &frames),
         _ => sites(tool, contacts, &frames),
     };
-    let mut labels = SurfaceLabels {
+    let mut answers = Vec::new();
+    let mut evidence = SurfaceEvidence {
         tolerance_mm: own_tolerances,
         finish_mm: tool.finish(),
         n_directions: directions.len(),
-        ..SurfaceLabels::default()
+        ..SurfaceEvidence::default()
     };
     for found in found {
         let without_retreat = found.witness.is_none() && found.is_free;
-        labels.answers.push(found.answer());
-        labels.witness.push(found.witness);
-        labels.open_directions.push(if found.witness.is_some() { 0.0 } else { 1.0 });
-        labels.retreat_unproven.push(without_retreat);
-        labels.stats += SurfaceStats {
+        answers.push(found.answer());
+        evidence.witness.push(found.witness);
+        evidence.open_directions.push(if found.witness.is_some() { 0.0 } else { 1.0 });
+        evidence.retreat_unproven.push(without_retreat);
+        evidence.stats += SurfaceStats {
             pairs: frames.len() as u64,
             tools_tested: found.n_tested,
             ..SurfaceStats::default()
         };
     }
-    labels
+    SurfaceLabels { answers, evidence, ..SurfaceLabels::default() }
 }
 
 /// The results for all sites.

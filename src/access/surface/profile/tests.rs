@@ -2,7 +2,8 @@ use super::body::Body;
 use super::meet::penetrates;
 use super::outline::Outline;
 use super::reference;
-use crate::access::surface::{SurfaceLabels, SurfaceOptions, TriangleObstacles, raise};
+use crate::access::surface::labels::SurfaceLabels;
+use crate::access::surface::{SurfaceOptions, TriangleObstacles, raise};
 use crate::access::{self, Obstacles, Queries};
 use crate::answers::SiteAnswer;
 use crate::cutter::{Assembly, Profile, Section};
@@ -189,7 +190,9 @@ fn label(mesh: &Mesh, sites: &Sites, profile: Profile, stick_out: f64) -> Surfac
     let tool = Assembly::from_profile(profile, &holder, stick_out).unwrap();
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let up = Directions::up();
-    obstacles.label(sites, &tool.cutter().unwrap(), &up, &SurfaceOptions::default()).unwrap()
+    obstacles
+        .surface_labels(sites, &tool.cutter().unwrap(), &up, &SurfaceOptions::default())
+        .unwrap()
 }
 
 fn share(labels: &SurfaceLabels) -> f64 {
@@ -233,7 +236,7 @@ fn a_t_slot_is_reached_by_its_cutter_and_by_no_other() {
     let of = |profile: Profile| label(&mesh, &sites, profile, 60.0);
     let right = of(Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap());
     assert_eq!(share(&right), 1.0);
-    assert!(right.retreat_unproven.iter().all(|unproven| !unproven));
+    assert!(right.evidence.retreat_unproven.iter().all(|unproven| !unproven));
     // Of the slot's own height: one height will do.
     assert_eq!(share(&of(Profile::t_slot(10.5, 9.0, 0.0, 5.0).unwrap())), 1.0);
     assert_eq!(share(&of(Profile::t_slot(10.5, 9.2, 0.0, 5.0).unwrap())), 0.0);
@@ -250,7 +253,7 @@ fn a_t_slot_that_is_closed_at_both_ends_cannot_be_left() {
     let sites = sites_on(&mesh, 16, middle);
     let labels = label(&mesh, &sites, Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap(), 60.0);
     assert_eq!(share(&labels), 0.0);
-    assert!(labels.retreat_unproven.iter().all(|unproven| *unproven));
+    assert!(labels.evidence.retreat_unproven.iter().all(|unproven| *unproven));
 }
 
 #[test]
@@ -318,16 +321,16 @@ fn a_groove_in_a_bore_is_left_through_the_bore_or_not_at_all() {
     assert!(sites.len() > 50, "{}", sites.len());
     let of = |radius: f64| label(&mesh, &sites, Profile::lollipop(radius, 2.0).unwrap(), 40.0);
     let narrow = of(3.9);
-    let unproven = narrow.retreat_unproven.iter().filter(|unproven| **unproven).count();
+    let unproven = narrow.evidence.retreat_unproven.iter().filter(|unproven| **unproven).count();
     assert_eq!((share(&narrow), unproven), (1.0, 0));
     let wide = of(4.1);
     assert_eq!(share(&wide), 0.0);
-    assert!(wide.retreat_unproven.iter().all(|unproven| *unproven));
+    assert!(wide.evidence.retreat_unproven.iter().all(|unproven| *unproven));
     // As a ball end it has no room beside the bore.
     let ball: Profile = "0:0 3.9:3.9@0:3.9 3.9:10 | 3.9:60".parse().unwrap();
     let blocked = label(&mesh, &sites, ball, 40.0);
     assert_eq!(share(&blocked), 0.0);
-    assert!(blocked.retreat_unproven.iter().all(|unproven| !unproven));
+    assert!(blocked.evidence.retreat_unproven.iter().all(|unproven| !unproven));
 }
 
 #[test]
@@ -382,7 +385,9 @@ fn a_profile_that_only_widens_has_the_answers_of_its_cutter() {
         let body = [Section::cylinder(40.0, 1.5)];
         let plain = Assembly::new(tip, &body, &holder, 14.0).unwrap().with_flutes(flutes).unwrap();
         let [found, expected] = [tool, plain].map(|tool| {
-            obstacles.label(&sites, &tool.cutter().unwrap(), &directions, &options).unwrap()
+            obstacles
+                .surface_labels(&sites, &tool.cutter().unwrap(), &directions, &options)
+                .unwrap()
         });
         let differ = (0..sites.len()).filter(|&i| {
             let reached = |labels: &SurfaceLabels| labels.answers[i] == SiteAnswer::Accessible;
@@ -410,7 +415,7 @@ fn witnesses_are_free_by_the_definition_alone() {
     let profile = Profile::t_slot(10.5, 8.9, 0.3, 5.0).unwrap();
     let labels = label(&mesh, &sites, profile.clone(), 60.0);
     let outline = Outline::new(&profile);
-    for witness in labels.witness.iter().flatten().step_by(97) {
+    for witness in labels.evidence.witness.iter().flatten().step_by(97) {
         assert_eq!(witness.direction, Vec3::Z);
         for f in 0..mesh.triangles.len() {
             let corners = mesh.corners(f).map(|p| p - witness.tip_mm);
@@ -418,7 +423,7 @@ fn witnesses_are_free_by_the_definition_alone() {
             assert_ne!(penetrated, Some(true), "{witness:?} {corners:?}");
         }
     }
-    assert!(labels.witness.iter().flatten().count() > 50);
+    assert!(labels.evidence.witness.iter().flatten().count() > 50);
 }
 
 #[test]
@@ -435,8 +440,8 @@ fn answers_depend_on_the_site_alone_and_on_no_number_of_threads() {
         let few = few.unwrap();
         for (k, &i) in some.iter().enumerate() {
             assert_eq!(few.answers[k], all.answers[i], "{i}");
-            assert_eq!(few.witness[k], all.witness[i], "{i}");
-            assert_eq!(few.retreat_unproven[k], all.retreat_unproven[i], "{i}");
+            assert_eq!(few.evidence.witness[k], all.evidence.witness[i], "{i}");
+            assert_eq!(few.evidence.retreat_unproven[k], all.evidence.retreat_unproven[i], "{i}");
         }
     }
 }
@@ -452,8 +457,8 @@ fn what_is_not_computed_of_a_profile_is_refused_by_name() {
     let (up, usual) = (Directions::up(), SurfaceOptions::default());
     let clearance = SurfaceOptions { clearance_limit_mm: Some(1.0), ..usual };
     for message in [
-        obstacles.label_sites(&sites, &cutter, &up, &usual).unwrap_err().to_string(),
-        obstacles.label(&sites, &cutter, &up, &clearance).unwrap_err().to_string(),
+        obstacles.label(&sites, &cutter, &up, &usual).unwrap_err().to_string(),
+        obstacles.surface_labels(&sites, &cutter, &up, &clearance).unwrap_err().to_string(),
         access::label(&sites, Obstacles::Queries, &cutter, &up, &Default::default())
             .unwrap_err()
             .to_string(),

@@ -92,7 +92,8 @@ fn a_holder_too_wide_for_a_slot_is_named_and_the_stated_amount_helps_but_no_less
     // The spindle is in the way too: no holder is thin enough.
     assert!(!why.changes.iter().any(|c| matches!(c.kind, ChangeKind::Narrow(_))));
     let reaches = |tool: &Assembly| {
-        let labels = obstacles.label(&one(site), &tool.cutter().unwrap(), &up, &options).unwrap();
+        let labels =
+            obstacles.surface_labels(&one(site), &tool.cutter().unwrap(), &up, &options).unwrap();
         labels.answers[0] == SiteAnswer::Accessible
     };
     assert!(
@@ -226,7 +227,8 @@ fn parts_that_block_are_those_of_each_explanation() {
         let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
         let sites = everywhere(&mesh, 2);
         let cutter = tool.cutter().unwrap();
-        let answers = obstacles.label(&sites, &cutter, &directions, &options).unwrap().answers;
+        let answers =
+            obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap().answers;
         let found = obstacles
             .blocking_parts(&sites, (&tool, 0.0), &directions, (&options, &answers))
             .unwrap();

@@ -84,7 +84,7 @@ fn a_fixture_blocks_and_is_not_asked_about() {
     let top = sites_on(&part, 60, |_, n| n.z > 0.5);
     let cutter = ball([1.0, 20.0, 1.0, 20.0]);
     let with = TriangleObstacles::new(&part, &[clamp]).unwrap();
-    let labels = with.label(&top, &cutter, &up(), &exactly(0.01)).unwrap();
+    let labels = with.surface_labels(&top, &cutter, &up(), &exactly(0.01)).unwrap();
     for (i, p) in top.points.iter().enumerate() {
         let expected = if p.x < 10.99 { SiteAnswer::Inaccessible } else { SiteAnswer::Accessible };
         if (p.x - 10.99).abs() > 0.01 && !(10.5..11.0).contains(&p.x) {
@@ -114,7 +114,7 @@ fn triangles_without_area_are_no_obstacles_and_keep_the_numbers_of_the_others() 
         let obstacles = TriangleObstacles::new(&more, &[more.clone()]).unwrap();
         assert_eq!(obstacles.n_without_area(), 2);
         assert_eq!(obstacles.n_triangles(), 2 * part.triangles.len());
-        let labels = obstacles.label(&sites, &cutter, &up(), &exactly(0.01)).unwrap();
+        let labels = obstacles.surface_labels(&sites, &cutter, &up(), &exactly(0.01)).unwrap();
         assert_eq!(labels.answers, plain.answers, "{corners:?}");
         // The reference engine holds to it, too.
         let below = |mesh: &Mesh| raise(mesh, &cutter, 0.01, at(0.0) - DVec3::Z, Vec3::Z).unwrap();
@@ -134,7 +134,7 @@ fn in_space_the_tip_is_at_the_point() {
         Vec3::new(22.0, 10.0, 1.0),
     ];
     let queries = crate::access::Queries::Volume(&points);
-    let labels = obstacles.label(queries, &cutter, &up(), &exactly(0.01)).unwrap();
+    let labels = obstacles.surface_labels(queries, &cutter, &up(), &exactly(0.01)).unwrap();
     assert_eq!(
         labels.answers,
         [
@@ -154,12 +154,13 @@ fn unusable_arguments_are_named() {
     let cutter = ball([1.0, 20.0, 5.0, 20.0]);
     for tolerance in [0.0, -1.0, 1.0, f64::NAN] {
         assert!(
-            obstacles.label(&sites, &cutter, &up(), &exactly(tolerance)).is_err(),
+            obstacles.surface_labels(&sites, &cutter, &up(), &exactly(tolerance)).is_err(),
             "{tolerance}"
         );
     }
     let bare = Sites { normals: vec![], ..sites.clone() };
-    let message = obstacles.label(&bare, &cutter, &up(), &exactly(0.01)).unwrap_err().to_string();
+    let message =
+        obstacles.surface_labels(&bare, &cutter, &up(), &exactly(0.01)).unwrap_err().to_string();
     assert!(message.contains("0 normals for 12 sites"), "{message}");
     let zero = raise(&mesh, &cutter, 0.01, DVec3::ZERO, Vec3::ZERO);
     assert!(zero.is_err());
@@ -189,10 +190,13 @@ fn an_answer_is_a_function_of_its_site_alone() {
             let found = par::with_threads(n_threads, asked).unwrap();
             for (k, &i) in some.iter().enumerate() {
                 assert_eq!(found.answers[k], all.answers[i], "{cutter:?} {i}");
-                assert_eq!(found.witness[k], all.witness[i], "{cutter:?} {i}");
-                assert_eq!(found.open_directions[k], all.open_directions[i], "{cutter:?} {i}");
+                assert_eq!(found.evidence.witness[k], all.evidence.witness[i], "{cutter:?} {i}");
+                assert_eq!(
+                    found.evidence.open_directions[k], all.evidence.open_directions[i],
+                    "{cutter:?} {i}"
+                );
                 let counts = |of: &SurfaceLabels, k: usize| {
-                    [of.accessible_directions[k], of.collision_free_directions[k]]
+                    [of.accessible_directions[k], of.evidence.collision_free_directions[k]]
                 };
                 assert_eq!(counts(&found, k), counts(&all, i), "{cutter:?} {i}");
             }

@@ -293,9 +293,9 @@ fn a_floor_along_whose_normal_no_tool_fits_is_not_reached_however_the_part_is_tu
             (0..8).map(|k| (turn * dvec3(0.4 * f64::from(k), 0.1, -2.0)).as_vec3()).collect();
         let sites = Sites { normals: vec![normal; points.len()], points, faces: vec![] };
         let obstacles = TriangleObstacles::new(&part, &[]).unwrap();
-        let labels = obstacles.label(&sites, &cutter, &along, &options).unwrap();
-        let reached = labels.witness.iter().flatten().count();
-        assert_eq!(reached, 0, "{turn}: {:?}", labels.witness);
+        let labels = obstacles.surface_labels(&sites, &cutter, &along, &options).unwrap();
+        let reached = labels.evidence.witness.iter().flatten().count();
+        assert_eq!(reached, 0, "{turn}: {:?}", labels.evidence.witness);
     }
     assert!(n_same > 20, "directions along normals to the last bit: {n_same} of 40");
 }
@@ -328,9 +328,10 @@ fn the_tool_touches_its_point_of_space_in_every_witness() {
     let mut n_reached = 0;
     for end in BULL_NOSES {
         let cutter = Cutter::bull_nose([end[0], 20.0, 20.0, 30.0].into(), end[1]).unwrap();
-        let labels =
-            obstacles.label(Queries::Volume(&points), &cutter, &directions, &options).unwrap();
-        for (point, pose) in points.iter().zip(&labels.witness) {
+        let labels = obstacles
+            .surface_labels(Queries::Volume(&points), &cutter, &directions, &options)
+            .unwrap();
+        for (point, pose) in points.iter().zip(&labels.evidence.witness) {
             let Some(pose) = pose else { continue };
             let away = away(end, *point, pose);
             assert!(away < options.finish_mm + 1e-6, "{cutter}: {point} {pose:?} {away}");
@@ -360,9 +361,9 @@ fn the_tool_touches_its_site_in_every_witness_of_labels_and_of_libraries() {
             let sections = [Section::cylinder(20.0, end[0]), Section::cylinder(30.0, 20.0)];
             let tool = Assembly::new(tip, &sections[..1], &sections[1..], 20.0).unwrap();
             let cutter = tool.cutter().unwrap();
-            let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+            let labels = obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap();
             let reach = obstacles.reach_many(&sites, &[tool], &directions, &options).unwrap();
-            for witness in [&labels.witness, &reach[0].witness] {
+            for witness in [&labels.evidence.witness, &reach[0].witness] {
                 for (i, pose) in witness.iter().enumerate() {
                     let Some(pose) = pose else { continue };
                     let away = away(end, sites.points[i], pose);

@@ -84,7 +84,7 @@ fn a_pose_that_is_free_with_clearance_is_free_with_less() {
         let margins = [0.0, 0.05, 0.3, 1.0, 3.0].map(|c| tool.with_clearance(c).unwrap());
         for (k, cutter) in margins.iter().enumerate() {
             let labels = label(&mesh, &sites, cutter, &hemisphere(60), &exactly(0.01));
-            for pose in labels.witness.iter().flatten() {
+            for pose in labels.evidence.witness.iter().flatten() {
                 let axis = pose.direction.as_dvec3().normalize();
                 let reference = pose.tip_mm + axis * cutter.corner_mm();
                 for less in &margins[..=k] {
@@ -110,7 +110,7 @@ fn an_allowance_keeps_what_cuts_off_the_surface() {
             floor.points.iter_mut().for_each(|p| (p.x, p.y) = (0.0, 0.5 * p.y));
             let labels = label(&mesh, &floor, &cutter, &up(), &exactly(0.01));
             assert!(is_reached(&labels).iter().all(|r| *r == fits), "{corner} {width}");
-            for (p, pose) in floor.points.iter().zip(&labels.witness) {
+            for (p, pose) in floor.points.iter().zip(&labels.evidence.witness) {
                 // The tip of the tool itself stays off the floor.
                 let Some(pose) = pose else { continue };
                 let off = pose.tip_mm.z - f64::from(p.z);

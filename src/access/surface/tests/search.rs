@@ -16,7 +16,8 @@ fn what_lies_between_the_directions_is_found_and_what_is_closed_is_proven() {
     let coarse = Directions::fibonacci_hemisphere(75).unwrap();
     let none = label(&mesh, &sites, &cutter, &coarse, &implied());
     assert!(
-        none.open_directions
+        none.evidence
+            .open_directions
             .iter()
             .zip(&none.answers)
             .all(|(open, a)| (*open == 1.0) == (*a != SiteAnswer::Accessible))
@@ -25,10 +26,10 @@ fn what_lies_between_the_directions_is_found_and_what_is_closed_is_proven() {
     let found = label(&mesh, &sites, &cutter, &coarse, &refined);
     assert!(n_of(SiteAnswer::Accessible, &none.answers) * 2 < sites.len());
     assert_eq!(n_of(SiteAnswer::Accessible, &found.answers), sites.len());
-    for pose in &found.witness {
+    for pose in &found.evidence.witness {
         let pose = pose.unwrap();
         let center = pose.tip_mm + cutter.corner_mm() * pose.direction.as_dvec3().normalize();
-        let most = found.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
+        let most = found.evidence.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
         let raised = raise(&mesh, &cutter, most + EPSILON_MM, center, pose.direction).unwrap();
         assert!(raised.steps <= 0.0 && raised.tip <= 0.0, "{raised:?}");
     }
@@ -56,14 +57,16 @@ fn a_site_proven_inaccessible_is_so_in_any_direction() {
                     found.answers[i],
                     SiteAnswer::Accessible,
                     "{i} {} {} {:?} {cutter:?}",
-                    found.open_directions[i],
+                    found.evidence.open_directions[i],
                     sites.points[i],
-                    uniform.witness[i]
+                    uniform.evidence.witness[i]
                 );
             }
-            if found.answers[i] == SiteAnswer::Inaccessible && found.open_directions[i] == 0.0 {
+            if found.answers[i] == SiteAnswer::Inaccessible
+                && found.evidence.open_directions[i] == 0.0
+            {
                 n_proven += 1;
-                assert_eq!(uniform.collision_free_directions[i], 0, "{i} {cutter:?}");
+                assert_eq!(uniform.evidence.collision_free_directions[i], 0, "{i} {cutter:?}");
             }
         }
         n_inaccessible += n_of(SiteAnswer::Inaccessible, &found.answers);
@@ -136,7 +139,10 @@ fn clearance_is_how_far_the_steps_may_grow() {
     }
     let bad = SurfaceOptions { clearance_limit_mm: Some(0.0), ..exactly(0.01) };
     assert!(
-        TriangleObstacles::new(&mesh, &[]).unwrap().label(&floor, &cutter, &up(), &bad).is_err()
+        TriangleObstacles::new(&mesh, &[])
+            .unwrap()
+            .surface_labels(&floor, &cutter, &up(), &bad)
+            .is_err()
     );
 }
 
@@ -154,14 +160,16 @@ fn the_search_in_space_proves_nothing_that_is_open() {
     let refined =
         SurfaceOptions { refinement: Some(RefinementOptions::proving()), ..exactly(0.01) };
     for cutter in [ball([1.0, 10.0, 5.0, 10.0]), bull([1.5, 6.0, 10.0, 5.0], 0.5)] {
-        let found = obstacles.label(queries, &cutter, &hemisphere(60), &refined).unwrap();
-        let uniform = obstacles.label(queries, &cutter, &hemisphere(3000), &exactly(0.01)).unwrap();
+        let found = obstacles.surface_labels(queries, &cutter, &hemisphere(60), &refined).unwrap();
+        let uniform =
+            obstacles.surface_labels(queries, &cutter, &hemisphere(3000), &exactly(0.01)).unwrap();
         let mut n_missed = 0;
         for (i, point) in points.iter().enumerate() {
             let (one, many) = (found.answers[i], uniform.answers[i]);
             n_missed += usize::from(many == SiteAnswer::Accessible && one != many);
-            let proven = one == SiteAnswer::Inaccessible && found.open_directions[i] == 0.0;
-            assert!(!proven || uniform.collision_free_directions[i] == 0, "{point}");
+            let proven =
+                one == SiteAnswer::Inaccessible && found.evidence.open_directions[i] == 0.0;
+            assert!(!proven || uniform.evidence.collision_free_directions[i] == 0, "{point}");
         }
         // Between the directions only poses on the axis are tried.
         assert!(n_missed * 10 < points.len(), "{n_missed}");

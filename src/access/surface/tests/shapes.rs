@@ -30,7 +30,7 @@ fn on_a_sphere_the_collision_free_directions_are_the_analytic_ones() {
             });
             directions.count() as u32
         };
-        let found = labels.collision_free_directions[i];
+        let found = labels.evidence.collision_free_directions[i];
         assert!(
             (free(radius + 1e-4)..=free(radius - chord_error)).contains(&found),
             "{i}: {found}"
@@ -85,7 +85,7 @@ fn a_bore_that_the_tool_fits_is_accessible_all_around_for_any_chord_error() {
             for directions in [up(), hemisphere(60)] {
                 let labels = label(&mesh, &bore, &cutter, &directions, &implied());
                 let n_accessible = n_of(SiteAnswer::Accessible, &labels.answers);
-                let greatest = labels.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
+                let greatest = labels.evidence.tolerance_mm.iter().fold(0.0, |a: f64, b| a.max(*b));
                 assert_eq!(
                     n_accessible,
                     bore.len(),
@@ -164,7 +164,7 @@ fn where_a_tip_gouges_the_work_does_not_grow_with_the_triangles_in_it() {
         let [coarse, fine] = meshes.each_ref().map(|mesh| {
             let labels = label(mesh, &floor, &cutter, &hemisphere(30), &exactly(0.01));
             assert!(n_of(SiteAnswer::TipDoesNotFit, &labels.answers) * 2 > floor.len());
-            labels.stats.triangles_tested
+            labels.evidence.stats.triangles_tested
         });
         assert!(fine < 2 * coarse, "{cutter:?}: 16 times the triangles, {coarse} and {fine} tests");
     }

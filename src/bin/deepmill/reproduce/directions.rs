@@ -66,7 +66,7 @@ impl Way {
             Way::Part => surface.with_refinement(None),
             Way::Search => surface,
         };
-        Ok(triangles.label(sites, cutter, directions, &surface)?.inaccessible())
+        Ok(triangles.label(sites, cutter, directions, &surface)?.answers.inaccessible())
     }
 }
 

@@ -5,8 +5,9 @@ use super::parts::Part;
 use super::samples::{Draw, for_parts, inaccessible_share};
 use super::study::{N_DIRECTIONS, Study};
 use super::trainings::{Data, N_CUTTERS, N_TEST_CUTTERS, Trainings};
-use deepmill::access::surface::{SurfaceLabels, TriangleObstacles};
-use deepmill::answers::{Definition, SiteAnswer};
+use deepmill::access::Labels;
+use deepmill::access::surface::TriangleObstacles;
+use deepmill::answers::{Definition, SiteAnswers};
 use deepmill::cutter::{Cutter, CutterSet};
 use deepmill::data::Sample;
 use deepmill::data::files::Provenance;
@@ -176,16 +177,8 @@ fn show(study: &Study, model: &AnyModel<f32>, sample: &Sample) -> Result<Vec<(Im
 }
 
 fn file(sample: &Sample, volume: &Volume, inaccessible: &[bool]) -> Result<VolumeFile> {
-    let answer = |inaccessible: &bool| match inaccessible {
-        true => SiteAnswer::Inaccessible,
-        false => SiteAnswer::Accessible,
-    };
-    let n = inaccessible.len();
-    let mut labels = SurfaceLabels::default();
-    labels.answers = inaccessible.iter().map(answer).collect();
-    labels.witness = vec![None; n];
-    labels.collision_free_directions = vec![0; n];
-    labels.accessible_directions = vec![0; n];
+    let mut labels = Labels::default();
+    labels.answers = SiteAnswers::new(inaccessible.to_vec(), vec![]);
     let mut provenance =
         Provenance::ball_end(sample.name.clone(), sample.cutter, Default::default());
     let [cr, ch, fr, fh] = sample.cutter.to_array();

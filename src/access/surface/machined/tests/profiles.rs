@@ -182,7 +182,7 @@ fn few_sites_are_left_more_than_a_dense_search_leaves() {
     for profile in profiles {
         let cutter = held(profile.unwrap());
         let profile = cutter.profile().unwrap();
-        let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+        let labels = obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap();
         let reached = |i: &usize| labels.answers[*i] == SiteAnswer::Accessible;
         let inside = |i: &usize| sites.points[*i].z > 9.0;
         let which: Vec<usize> = (0..sites.len()).filter(|i| !reached(i) && inside(i)).collect();

@@ -6,7 +6,7 @@ use super::*;
 fn labels_of(mesh: &Mesh, sites: &Sites, tool: &Assembly) -> SurfaceLabels {
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let (up, options) = (Directions::up(), SurfaceOptions::default());
-    obstacles.label(sites, &tool.cutter().unwrap(), &up, &options).unwrap()
+    obstacles.surface_labels(sites, &tool.cutter().unwrap(), &up, &options).unwrap()
 }
 
 fn held(profile: Profile) -> Assembly {
@@ -25,11 +25,11 @@ fn a_disc_that_leaves_stock_reaches_as_a_greater_one_with_rounded_edges() {
         labels_of(&mesh, &sites, &leaving(Profile::t_slot(10.0, 7.9, 0.0, 5.0).unwrap(), 0.5));
     let greater = labels_of(&mesh, &sites, &held(Profile::t_slot(10.5, 8.9, 0.5, 5.0).unwrap()));
     assert_eq!(rough.answers, greater.answers);
-    assert_eq!(rough.retreat_unproven, greater.retreat_unproven);
+    assert_eq!(rough.evidence.retreat_unproven, greater.evidence.retreat_unproven);
     let reached = rough.share(SiteAnswer::Accessible);
     assert!(reached > 0.1 && reached < 0.95, "{reached}");
     // The tip is that of the tool itself: 0.5 higher.
-    for (own, other) in rough.witness.iter().zip(&greater.witness) {
+    for (own, other) in rough.evidence.witness.iter().zip(&greater.evidence.witness) {
         if let (Some(own), Some(other)) = (own, other) {
             let by = own.tip_mm - other.tip_mm;
             assert!((by - DVec3::Z * 0.5).length() < 1e-6, "{by}");

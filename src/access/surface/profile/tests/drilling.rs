@@ -96,7 +96,7 @@ fn a_drill_is_no_end_mill() {
         let sites = sites_on(&mesh, 9, |_, _| true);
         let labels = label(&mesh, &sites, drill(2.5, 118.0), 50.0);
         assert_eq!(share(&labels), 0.0);
-        assert!(labels.retreat_unproven.iter().all(|unproven| !unproven));
+        assert!(labels.evidence.retreat_unproven.iter().all(|unproven| !unproven));
     }
 }
 
@@ -117,12 +117,12 @@ fn a_bore_across_no_direction_of_the_set_is_drilled_along_its_axis() {
     let obstacles = TriangleObstacles::new(&mesh, &[]).unwrap();
     let hemisphere = Directions::new(DirectionSet::FibonacciHemisphere { n_dirs: 60 }).unwrap();
     let of = |directions: &Directions, options: &SurfaceOptions| {
-        obstacles.label(&sites, &tool.cutter().unwrap(), directions, options).unwrap()
+        obstacles.surface_labels(&sites, &tool.cutter().unwrap(), directions, options).unwrap()
     };
     let labels = of(&hemisphere, &SurfaceOptions::default());
     assert_eq!(share(&labels), 1.0);
     let axis = (turn * DVec3::Z).as_vec3();
-    let witness = labels.witness[0].unwrap();
+    let witness = labels.evidence.witness[0].unwrap();
     assert!(witness.direction.dot(axis) > 1.0 - 1e-6);
     // By the directions of a set alone it is not.
     let alone = SurfaceOptions { refinement: None, ..SurfaceOptions::default() };

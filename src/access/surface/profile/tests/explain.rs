@@ -33,9 +33,10 @@ fn explain(mesh: &Mesh, tool: &Assembly, (site, normal): ([f32; 3], Vec3)) -> Ex
     let why = obstacles.explain(&query).unwrap();
     let sites = Sites { points: vec![site], normals: vec![normal], ..Sites::default() };
     let reached = |tool: &Assembly| {
-        let labels = obstacles.label(&sites, &tool.cutter().unwrap(), &up, &options).unwrap();
+        let labels =
+            obstacles.surface_labels(&sites, &tool.cutter().unwrap(), &up, &options).unwrap();
         assert_eq!(
-            labels.retreat_unproven[0],
+            labels.evidence.retreat_unproven[0],
             labels.answers[0] == SiteAnswer::Inaccessible && {
                 tool != query.tool || why.retreat_unproven()
             }
@@ -193,7 +194,7 @@ fn answers_are_those_of_labels_over_a_set_and_what_the_part_suggests() {
     let options = SurfaceOptions::default();
     let tool = held("6:0 6:3 3:3 | 3:20 6:20".parse().unwrap(), 20.0, 24.0);
     let cutter = tool.cutter().unwrap();
-    let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+    let labels = obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap();
     let mut counts = [0; 3];
     for i in (0..sites.len()).step_by(5) {
         let query = Query {
@@ -209,10 +210,10 @@ fn answers_are_those_of_labels_over_a_set_and_what_the_part_suggests() {
         let why = obstacles.explain(&query).unwrap();
         assert_eq!(
             (why.answer, why.retreat_unproven()),
-            (labels.answers[i], labels.retreat_unproven[i])
+            (labels.answers[i], labels.evidence.retreat_unproven[i])
         );
         let witness = why.witness.map(|witness| (witness.direction, witness.tip_mm.unwrap()));
-        assert_eq!(witness, labels.witness[i].map(|pose| (pose.direction, pose.tip_mm)));
+        assert_eq!(witness, labels.evidence.witness[i].map(|pose| (pose.direction, pose.tip_mm)));
         assert_eq!(why.directions.iter().any(|state| state.is_free()), witness.is_some());
         counts[why.answer as usize] += 1;
         for state in why.directions.iter().filter(|state| state.blocked.is_some()) {
@@ -280,17 +281,17 @@ fn blocking(mesh: &Mesh, tool: &Assembly, sites: &Sites, clearance: f64) -> Vec<
     let (obstacles, up) = (TriangleObstacles::new(mesh, &[]).unwrap(), Directions::up());
     let options = SurfaceOptions::default();
     let cutter = tool.with_clearance(clearance).unwrap().cutter().unwrap();
-    let labels = obstacles.label(sites, &cutter, &up, &options).unwrap();
+    let labels = obstacles.surface_labels(sites, &cutter, &up, &options).unwrap();
     let (held, answers) = ((tool, clearance), &labels.answers[..]);
     let found = obstacles.blocking_parts(sites, held, &up, (&options, answers)).unwrap();
     // Labels that know where no way out is proven give the same.
-    let known = (&options, answers, &labels.retreat_unproven[..]);
+    let known = (&options, answers, &labels.evidence.retreat_unproven[..]);
     assert_eq!(obstacles.blocking_parts_of(sites, held, &up, known).unwrap(), found);
     for (i, part) in found.iter().enumerate() {
         let expected = match answers[i] {
             SiteAnswer::Accessible => part.is_none(),
             SiteAnswer::TipDoesNotFit => *part == Some(ToolPart::Tip),
-            SiteAnswer::Inaccessible => part.is_none() == labels.retreat_unproven[i],
+            SiteAnswer::Inaccessible => part.is_none() == labels.evidence.retreat_unproven[i],
         };
         assert!(expected, "{part:?} {:?}", answers[i]);
     }

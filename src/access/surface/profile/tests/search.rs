@@ -169,7 +169,7 @@ fn hold_against_lengths(
     let by_lengths = by_lengths.with_flutes(flutes).unwrap();
     let [by_profile, by_lengths] = [by_profile, by_lengths].map(|tool| tool.cutter().unwrap());
     let [found, expected] = [&by_profile, &by_lengths]
-        .map(|cutter| obstacles.label(&sites, cutter, &directions, &options).unwrap());
+        .map(|cutter| obstacles.surface_labels(&sites, cutter, &directions, &options).unwrap());
     let reached = |labels: &SurfaceLabels, i: usize| labels.answers[i] == SiteAnswer::Accessible;
     let only = |a: &SurfaceLabels, b: &SurfaceLabels| {
         (0..sites.len()).filter(|&i| reached(a, i) && !reached(b, i)).count()
@@ -181,7 +181,7 @@ fn hold_against_lengths(
     // Every witness touches its site: the finish tolerance is all that is between them.
     let outline = Outline::new(by_profile.profile().unwrap());
     for labels in [&found, &expected] {
-        for (point, pose) in sites.points.iter().zip(&labels.witness) {
+        for (point, pose) in sites.points.iter().zip(&labels.evidence.witness) {
             let Some(pose) = pose else { continue };
             let stand = Stand { reference: pose.tip_mm, axes: axes(pose.direction) };
             let depth = outline.depth(stand.local(point.as_dvec3())).mm;
@@ -189,7 +189,8 @@ fn hold_against_lengths(
         }
     }
     // Every pose that one of them finds is free for the other.
-    let poses = expected.witness.iter().flatten().map(|pose| (pose.direction, pose.tip_mm));
+    let poses =
+        expected.evidence.witness.iter().flatten().map(|pose| (pose.direction, pose.tip_mm));
     let poses: Vec<(Vec3, DVec3)> = poses.collect();
     let free = obstacles.are_free(&by_profile, &poses, &options).unwrap();
     // In the notch between flutes and shank the shrunk profile is round; of the steps, shrunk one by one, it is a corner
@@ -208,7 +209,7 @@ fn hold_against_lengths(
     }
     let problem = obstacles.problem(Queries::Sites(&sites), &by_lengths, &options).unwrap();
     let (triangles, mut scratch) = (problem.triangles(), Scratch::default());
-    for pose in found.witness.iter().flatten() {
+    for pose in found.evidence.witness.iter().flatten() {
         let stand =
             Stand { reference: pose.reference(&problem.outline), axes: axes(pose.direction) };
         let met = problem.probes.whole.meets(triangles, &stand, &mut scratch);
@@ -283,11 +284,11 @@ fn a_set_reaches_what_its_directions_reach_one_by_one() {
         let holder = [Section::cylinder(30.0, 20.0)];
         let held = Assembly::from_profile(profile.clone(), &holder, 40.0).unwrap();
         let cutter = held.cutter().unwrap();
-        let labels = obstacles.label(&sites, &cutter, &directions, &options).unwrap();
+        let labels = obstacles.surface_labels(&sites, &cutter, &directions, &options).unwrap();
         let alone =
             obstacles.accessible_directions(&sites, &cutter, &directions, &options).unwrap();
         let is_missed = |i: &usize| {
-            labels.witness[*i].is_none()
+            labels.evidence.witness[*i].is_none()
                 && (0..directions.len()).any(|d| alone.is_accessible(d, *i))
         };
         let n_missed = (0..sites.len()).filter(is_missed).count();

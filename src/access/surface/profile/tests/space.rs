@@ -22,7 +22,7 @@ fn held(profile: Profile, stick_out: f64) -> crate::cutter::Cutter {
 fn answers(mesh: &Mesh, points: &[Vec3], profile: Profile) -> SurfaceLabels {
     let obstacles = TriangleObstacles::new(mesh, &[]).unwrap();
     let (up, options) = (Directions::up(), SurfaceOptions::default());
-    obstacles.label(Queries::Volume(points), &held(profile, 60.0), &up, &options).unwrap()
+    obstacles.surface_labels(Queries::Volume(points), &held(profile, 60.0), &up, &options).unwrap()
 }
 
 #[test]
@@ -37,8 +37,8 @@ fn a_t_slot_is_emptied_by_its_cutter_and_by_no_other() {
     let of = |points: &[Vec3], profile: &str| answers(&mesh, points, profile.parse().unwrap());
     let right = of(&undercut, "10.5:0 10.5:8.9 5:8.9 | 5:60");
     assert_eq!(share(&right), 1.0);
-    assert_eq!(right.witness.len(), undercut.len());
-    assert!(right.retreat_unproven.iter().all(|unproven| !unproven));
+    assert_eq!(right.evidence.witness.len(), undercut.len());
+    assert!(right.evidence.retreat_unproven.iter().all(|unproven| !unproven));
     // Too high by 0.2 mm; with a neck that does not fit between the lips; an end mill.
     for wrong in ["10.5:0 10.5:9.2 5:9.2 | 5:60", "10.5:0 10.5:8.9 5.6:8.9 | 5.6:60"] {
         assert_eq!(share(&of(&undercut, wrong)), 0.0, "{wrong}");
@@ -57,7 +57,7 @@ fn a_slot_without_a_way_out_is_not_emptied() {
     let points = lattice([-10.0, -27.0, 19.5], [10.0, -13.0, 27.5], 2.0);
     let labels = answers(&mesh, &points, Profile::t_slot(10.5, 8.9, 0.0, 5.0).unwrap());
     assert_eq!(share(&labels), 0.0);
-    assert!(labels.retreat_unproven.iter().all(|unproven| *unproven));
+    assert!(labels.evidence.retreat_unproven.iter().all(|unproven| *unproven));
     assert!(labels.answers.iter().all(|answer| *answer == SiteAnswer::Inaccessible));
 }
 
@@ -143,7 +143,9 @@ fn a_profile_that_only_widens_removes_what_its_lengths_do() {
         let of = [Assembly::from_profile(profile, &holder, 14.0).unwrap(), lengths];
         let [found, expected] = of.map(|tool| {
             let queries = Queries::Volume(&points);
-            obstacles.label(queries, &tool.cutter().unwrap(), &directions, &options).unwrap()
+            obstacles
+                .surface_labels(queries, &tool.cutter().unwrap(), &directions, &options)
+                .unwrap()
         });
         let both = found.answers.iter().zip(&expected.answers);
         let accessible = |answer: &SiteAnswer| *answer == SiteAnswer::Accessible;
@@ -201,6 +203,6 @@ fn answers_of_points_depend_on_no_other_points_and_on_no_number_of_threads() {
     let found = par::with_threads(3, || answers(&mesh, &some, tool())).unwrap();
     for (k, i) in every.into_iter().enumerate() {
         assert_eq!(found.answers[k], all.answers[i], "{i}");
-        assert_eq!(found.witness[k], all.witness[i], "{i}");
+        assert_eq!(found.evidence.witness[k], all.evidence.witness[i], "{i}");
     }
 }
