@@ -1,8 +1,7 @@
 //! The tabs of a page: one set of answers each.
 
 use super::tool::ToolAt;
-use crate::answers::SiteAnswer;
-use crate::answers::SiteAnswers;
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
 use crate::report::color::{LABELS, PART_ITSELF, layered};
 use crate::report::findings::Findings;
