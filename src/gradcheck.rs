@@ -38,6 +38,7 @@ mod controls;
 mod differences;
 #[doc(hidden)] // of the program and tests
 pub mod fixture;
+mod layer;
 mod passes;
 mod structure;
 #[doc(hidden)] // of the program and tests
@@ -46,7 +47,8 @@ mod sweep;
 
 pub use adjoint::adjoint;
 pub use controls::{Control, negative_control, negative_control_of_layer};
-pub use passes::{Case, layer};
+pub use layer::layer;
+pub use passes::Case;
 pub use sweep::{matrix_shapes, octree_shapes, sweep};
 
 use crate::rng::{Purpose, Stream};

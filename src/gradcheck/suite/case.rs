@@ -5,6 +5,7 @@ use super::{LIMIT, SuiteCase};
 use crate::Result;
 use crate::gradcheck::controls::controls_of_layer;
 use crate::gradcheck::fixture::{Fixture, NamedArray};
+use crate::gradcheck::layer::check_layer;
 use crate::gradcheck::passes::{self, Bound, Checkable, Job, Numbers, Order, Passed};
 use crate::gradcheck::{self, Control, GradcheckSettings, GradientReport};
 use crate::nn::arena::{Arena, Buffer};
@@ -164,7 +165,7 @@ impl LayerCase {
 
 impl Checked for LayerCase {
     fn check(&self) -> Result<GradientReport> {
-        self.with_numbers(|numbers, of| passes::check_layer(numbers, of, &self.settings))
+        self.with_numbers(|numbers, of| check_layer(numbers, of, &self.settings))
     }
 
     fn controls(&self) -> Result<Vec<Control>> {
