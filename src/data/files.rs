@@ -2,6 +2,7 @@
 //!
 //! `docs/formats.md` lists every array. One row per site, in the order of the sites.
 
+pub(in crate::data) mod hash;
 #[doc(hidden)] // of the program
 pub mod label_query;
 #[doc(hidden)] // of the program

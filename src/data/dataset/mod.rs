@@ -19,6 +19,7 @@ pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord};
 use crate::answers::SiteAnswers;
 use crate::cutter::CutterParams;
 use crate::data::Sample;
+use crate::data::files::hash;
 use crate::data::npz::{NpzReader, NpzWriter};
 use crate::geom::Sites;
 use crate::geom::sites::check_points;
@@ -236,7 +237,7 @@ fn by_site<T>(n: usize, answers: &[SiteAnswers], of: fn(&SiteAnswers, usize) -> 
 /// SHA-256 of a file's bytes, hexadecimal.
 fn content_hash(path: &Path) -> Result<String> {
     let bytes = input_file::read(path, input_file::DATA)?;
-    Ok(hmac_sha256::Hash::hash(&bytes).iter().map(|b| format!("{b:02x}")).collect())
+    Ok(hash::hex(&bytes))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 mod stated;
 
 use super::LabelFile;
+use super::hash;
 use super::settings::AnalysisSettings;
 use super::tools::Tool;
 use crate::access::surface::explain::{Explanation, Query, Remedies, explain_among_points};
@@ -14,7 +15,6 @@ use crate::access::surface::{PartChange, SurfaceOptions, TriangleObstacles, Witn
 use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::{Definition, SiteAnswer};
 use crate::directions::Directions;
-use crate::geom::formats;
 use crate::geom::sites::nearest_in_triangle;
 use crate::geom::{Mesh, Sites};
 use crate::{Error, Result, input_file};
@@ -38,14 +38,6 @@ pub fn joined(meshes: &[Mesh]) -> Option<Mesh> {
     (!all.triangles.is_empty()).then_some(all)
 }
 
-pub(super) fn hash_of(mesh: &Mesh) -> Result<String> {
-    Ok(hex(&formats::stl_bytes(mesh)?))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    hmac_sha256::Hash::hash(bytes).iter().map(|b| format!("{b:02x}")).collect()
-}
-
 /// Passes the surface that answers are about: the one whose SHA-256 they state, or if they state none, one that has the
 /// sites on their triangles. `path` is that of the surface, `of` that of the answers; `is_own` if the surface was written
 /// with answers, and not the file of a part.
@@ -60,8 +52,8 @@ pub fn require_surface(
     if let Some(stated) = settings.surface.as_ref().and_then(|of| of.sha256.as_deref()) {
         // Reading may join corners of a file that this crate has written.
         let hash = match is_own {
-            true => hex(&input_file::read(path, input_file::DATA)?),
-            false => hash_of(mesh)?,
+            true => hash::hex(&input_file::read(path, input_file::DATA)?),
+            false => hash::of_mesh(mesh)?,
         };
         return if hash == stated { Ok(()) } else { Err(another(path, of, "SHA-256")) };
     }

@@ -331,7 +331,7 @@ impl AnalysisSettings {
     /// # Errors
     /// If a mesh has more triangles than an STL file can count.
     pub fn surface_of(mesh: Option<&Mesh>, fixtures: Option<&Mesh>) -> Result<SurfaceSettings> {
-        let hash = |mesh: Option<&Mesh>| mesh.map(super::label_query::hash_of).transpose();
+        let hash = |mesh: Option<&Mesh>| mesh.map(super::hash::of_mesh).transpose();
         Ok(SurfaceSettings { sha256: hash(mesh)?, fixtures_sha256: hash(fixtures)? })
     }
 }

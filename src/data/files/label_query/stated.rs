@@ -3,11 +3,12 @@
 use super::super::Provenance;
 use super::super::settings::{AnalysisSettings, Blocking, PartSettings, ToolSettings};
 use super::super::tools::{Tool, steps_of_words};
-use super::{FIXTURES, SURFACE, another, hash_of, hex};
+use super::{FIXTURES, SURFACE, another};
 use crate::access::surface::explain::Remedies;
 use crate::access::surface::{ContactTolerance, FINISH_MM, RefinementOptions, SurfaceOptions};
 use crate::answers::Definition;
 use crate::cutter::Assembly;
+use crate::data::files::hash;
 use crate::directions::Directions;
 use crate::geom::Mesh;
 use crate::geom::formats::{self, ReadOptions};
@@ -145,7 +146,7 @@ impl Stated<'_> {
         if let Some(mesh) = given {
             let remedy = "name the mesh that was labeled, with the same options";
             return match stated {
-                Some(hash) if hash_of(&mesh)? != hash => {
+                Some(hash) if hash::of_mesh(&mesh)? != hash => {
                     Err(self.fault("settings.surface", "the part given is another one", remedy))
                 }
                 _ => Ok(Some(mesh)),
@@ -190,7 +191,7 @@ impl Stated<'_> {
             return Err(self.fault("folder", found, remedy));
         };
         let bytes = input_file::read(&path, input_file::DATA)?;
-        if hex(&bytes) != hash {
+        if hash::hex(&bytes) != hash {
             return Err(another(&path, self.path, "SHA-256"));
         }
         formats::read_mesh(&path, &ReadOptions::default())
