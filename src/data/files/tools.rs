@@ -14,6 +14,7 @@
 //! What a file leaves out comes from [`MissingParameters`], never assumed. A tool that is not complete, contradicts itself
 //! or is of a kind that `docs/tool-families.md` does not list is left out by name with the reason, and the rest is read.
 
+mod by_format;
 mod camotics;
 mod described;
 mod export;
@@ -24,10 +25,12 @@ mod hsmlib;
 mod linuxcnc;
 mod names;
 mod place;
+mod read_holder;
 mod reading;
 mod serialized;
 mod shop;
 mod table;
+mod table_text;
 mod unpack;
 mod words;
 
@@ -39,20 +42,21 @@ use crate::{Error, Result};
 use names::{folder_name, in_one_line};
 use serde::{Deserialize, Serialize};
 
+#[doc(hidden)] // checked by fuzz targets
+pub use by_format::from_bytes;
+pub use by_format::read;
+#[doc(hidden)] // of the program
+pub use by_format::read_several;
 #[doc(hidden)] // of the program
 pub use export::{to_csv, to_json};
-#[doc(hidden)] // checked by fuzz targets
-pub use holder::holder_from_bytes;
-pub use holder::{Holder, read_holder};
+pub use holder::Holder;
 #[cfg(any(feature = "python", feature = "capi"))]
 pub(crate) use names::named_apart;
 #[doc(hidden)] // of the program
 pub use names::number_repeated;
 #[doc(hidden)] // checked by fuzz targets
-pub use reading::from_bytes;
-pub use reading::read;
-#[doc(hidden)] // of the program
-pub use reading::read_several;
+pub use read_holder::holder_from_bytes;
+pub use read_holder::read_holder;
 pub(crate) use table::{steps_of_words, steps_words};
 
 /// A checked cutter and the numbers it was ordered with.

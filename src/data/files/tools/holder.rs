@@ -1,12 +1,11 @@
 //! Holders: segments from the nose upward, from a library or a table of their own.
 
 use super::MissingParameters;
-use super::place::{Place, json, shown, shown_value, text};
-use super::unpack::{Content, content};
+use super::place::{Place, shown, shown_value};
 use crate::cutter::Section;
 use crate::geom::units::length::{converted, unit_mm};
 use crate::geom::units::{Length, Unit};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result};
 use serde_json::Value;
 use std::path::Path;
 
@@ -29,44 +28,8 @@ pub struct Holder {
     pub sections: Vec<Section>,
 }
 
-/// Reads a holder: a Fusion 360 library (JSON or XML) with one holder (of its own or of its tools), a FreeCAD
-/// holder (`.fcholder`), or a table with the columns `height`, `lower` and `upper` (diameters), mm.
-///
-/// # Errors
-/// If the file is neither, holds several holders, or a segment is not possible.
-pub fn read_holder(path: &Path, defaults: &MissingParameters) -> Result<Holder> {
-    holder_from_bytes(&input_file::read(path, input_file::LIBRARY)?, path, defaults)
-}
-
-/// As [`read_holder`]; `path` only names the place in errors.
-///
-/// # Errors
-/// As [`read_holder`].
-pub fn holder_from_bytes(
-    bytes: &[u8],
-    path: &Path,
-    defaults: &MissingParameters,
-) -> Result<Holder> {
-    let found = match content(bytes, path)? {
-        Content::Text(text) => text,
-        Content::Western(_) => return Err(text(bytes, path).expect_err("it is not UTF-8")),
-        Content::Library(unpacked) => text(&unpacked, path)?.into_owned().into(),
-    };
-    match found.trim_start().chars().next() {
-        Some('{' | '[') => {
-            let value = json(&found, path)?;
-            match value.get("profile") {
-                Some(profile) => of_profile(&value, profile, path),
-                None => of_library(&value, path, defaults),
-            }
-        }
-        Some('<') => of_library(&super::hsmlib::library(&found, path)?, path, defaults),
-        _ => of_table(&found, path),
-    }
-}
-
 /// A FreeCAD holder: an outline of points (radius, height above the face that the tool comes out of).
-fn of_profile(object: &Value, profile: &Value, path: &Path) -> Result<Holder> {
+pub(super) fn of_profile(object: &Value, profile: &Value, path: &Path) -> Result<Holder> {
     let stem = path.file_stem().map_or("holder".into(), |stem| stem.to_string_lossy().into_owned());
     let name = object.get("name").and_then(Value::as_str).map_or(stem, str::to_string);
     let label = format!("holder {}", shown(&name));
@@ -112,7 +75,11 @@ fn of_profile(object: &Value, profile: &Value, path: &Path) -> Result<Holder> {
 /// Where an outline begins on the axis, mm.
 const LEAST_MM: f64 = 1e-3;
 
-fn of_library(value: &Value, path: &Path, defaults: &MissingParameters) -> Result<Holder> {
+pub(super) fn of_library(
+    value: &Value,
+    path: &Path,
+    defaults: &MissingParameters,
+) -> Result<Holder> {
     let tools = value.get("data").and_then(Value::as_array);
     let mut found: Vec<Holder> = Vec::new();
     for object in tools.into_iter().flatten().chain([value]) {
@@ -238,7 +205,7 @@ pub(super) fn unit(object: &Value, place: &Place, defaults: &MissingParameters) 
     }
 }
 
-fn of_table(text: &str, path: &Path) -> Result<Holder> {
+pub(super) fn of_table(text: &str, path: &Path) -> Result<Holder> {
     let name = path.file_stem().map_or("holder".into(), |stem| stem.to_string_lossy().into_owned());
     let bad = |line: usize, found: String| {
         let remedy = "write a table with the header height,lower,upper (mm, diameters), a row per segment from the nose upward";
@@ -284,6 +251,7 @@ fn of_table(text: &str, path: &Path) -> Result<Holder> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::files::tools::holder_from_bytes;
     use serde_json::json;
 
     fn library(text: &str) -> Result<Holder> {

@@ -12,7 +12,7 @@
 use super::described::{CENTER_RAD, Cone, Described, Family, Form};
 use super::place::{Place, shown};
 use super::reading::Reading;
-use super::table::TableText;
+use super::table_text::TableText;
 use super::words::{Remark, is_pointed, remark};
 use super::{MissingParameters, Tool};
 use crate::cutter::Profile;

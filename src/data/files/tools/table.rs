@@ -2,11 +2,12 @@
 
 use super::place::shown;
 use super::reading::Reading;
+use super::table_text::TableText;
 use super::{MissingParameters, Tool, shop};
+use crate::Result;
 use crate::cutter::{Assembly, CutterParams, Step};
 use crate::geom::units::{Length, Unit};
-use crate::{Error, Result};
-use csv::{Position, ReaderBuilder, StringRecord, Trim};
+use csv::StringRecord;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -44,7 +45,7 @@ const REQUIRED: std::ops::Range<usize> = 1..5;
 /// # Errors
 /// If the file is not such a table.
 pub(super) fn read(text: &str, path: &Path, defaults: &MissingParameters) -> Result<Reading> {
-    TableText { path, text, separator: separator(text) }.table(defaults)
+    TableText::new(path, text).table(defaults)
 }
 
 /// `height:radius` of every step, with blanks between: what the columns `body` and `holder` hold.
@@ -63,32 +64,10 @@ pub fn steps_of_words(words: &str) -> Option<Vec<Step>> {
     steps.filter(|steps| !steps.is_empty())
 }
 
-fn is_passed_over(line: &str) -> bool {
-    line.trim().is_empty() || line.starts_with('#') || is_separator_line(line)
-}
-
-/// `sep=;`, a first line that says how columns are separated.
-fn is_separator_line(line: &str) -> bool {
-    let line = line.trim().trim_matches('"');
-    line.len() <= 5 && line.get(..4).is_some_and(|sep| sep.eq_ignore_ascii_case("sep="))
-}
-
-fn separator(text: &str) -> char {
-    let header = text.lines().find(|line| !is_passed_over(line)).unwrap_or("");
-    let candidates = ['\t', ';', ','];
-    candidates.into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',')
-}
-
 /// Where known columns are.
 struct ColumnPlaces {
     place: [Option<usize>; COLUMNS.len()],
     n: usize,
-}
-
-pub(super) struct TableText<'a> {
-    pub path: &'a Path,
-    text: &'a str,
-    separator: char,
 }
 
 impl TableText<'_> {
@@ -131,33 +110,6 @@ impl TableText<'_> {
         Ok(reading)
     }
 
-    /// The rows that are not empty, with their lines.
-    fn rows(&self) -> Result<Vec<(usize, StringRecord)>> {
-        let mut reader = ReaderBuilder::new()
-            .delimiter(self.separator as u8)
-            .comment(Some(b'#'))
-            .has_headers(false)
-            .flexible(true)
-            .trim(Trim::All)
-            .from_reader(self.text.as_bytes());
-        let mut rows = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(|e| self.at(1, e.to_string(), "save the table as CSV"))?;
-            let is_of_no_row = rows.is_empty() && row.get(0).is_some_and(is_separator_line);
-            if !is_of_no_row && row.iter().any(|field| !field.is_empty()) {
-                let line = row.position().map_or(1, |start| self.line_of_row(start));
-                rows.push((line, row));
-            }
-        }
-        Ok(rows)
-    }
-
-    /// Line of the row that the reader found from `start` on, comments and empty lines before it.
-    fn line_of_row(&self, start: &Position) -> usize {
-        let rest = self.text.get(start.byte() as usize..).unwrap_or("");
-        start.line() as usize + rest.lines().take_while(|l| is_passed_over(l)).count()
-    }
-
     fn columns(&self, line: usize, header: &StringRecord) -> Result<(ColumnPlaces, Vec<String>)> {
         let mut columns = ColumnPlaces { place: [None; COLUMNS.len()], n: header.len() };
         let mut unused = Vec::new();
@@ -178,16 +130,6 @@ impl TableText<'_> {
             return Err(self.at(line, found, remedy));
         }
         Ok((columns, unused))
-    }
-
-    /// Fails if there are more fields than headings.
-    pub(super) fn check_width(&self, line: usize, row: &StringRecord, n: usize) -> Result<()> {
-        if row.iter().skip(n).any(|field| !field.is_empty()) {
-            let found = format!("{} fields under {n} headings", row.len());
-            let remedy = "write decimals with a point, or separate columns by semicolons";
-            return Err(self.at(line, found, remedy));
-        }
-        Ok(())
     }
 
     fn tool(
@@ -257,23 +199,6 @@ impl TableText<'_> {
         }
     }
 
-    /// A tool number: `7`, `T7`.
-    pub(super) fn number(
-        &self,
-        line: usize,
-        field: &str,
-        notices: &mut Vec<String>,
-    ) -> Option<u32> {
-        let digits = field.trim_start_matches(['T', 't']).trim_start();
-        let number = digits.parse().ok();
-        if number.is_none() && !field.is_empty() {
-            let path = self.path.display();
-            let found = format!("{path}: line {line}: T is {}, not a whole number", shown(field));
-            notices.push(format!("{found}; the tool has no number"));
-        }
-        number
-    }
-
     /// Steps as [`steps_words`] writes them.
     fn steps(&self, line: usize, column: usize, field: &str) -> Result<Vec<Step>> {
         steps_of_words(field).ok_or_else(|| {
@@ -295,24 +220,6 @@ impl TableText<'_> {
             let found = format!("{} is {}, not a number or length", COLUMNS[column], shown(field));
             self.at(line, found, "write it in mm with a decimal point, or with its unit (1/4 in)")
         })
-    }
-
-    pub(super) fn at(
-        &self,
-        line: usize,
-        found: impl Into<String>,
-        remedy: impl Into<String>,
-    ) -> Error {
-        Error::file(self.path, format!("line {line}"), found, remedy)
-    }
-
-    pub(super) fn in_line(&self, line: usize, error: Error) -> Error {
-        match error {
-            Error::Argument { name, found, expected, remedy } => {
-                self.at(line, format!("{name} is {found}, expected {expected}"), remedy)
-            }
-            other => other,
-        }
     }
 }
 
