@@ -11,13 +11,13 @@ mod fixtures;
 mod ids;
 mod together;
 
-use super::memory::{PartSize, require_for_findings, require_for_findings_files};
-use crate::answers::SiteAnswer;
-use crate::answers::SiteAnswers;
+use super::memory::{FINDING_JSON_BYTES, PartSize};
+use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, regions, spacing};
+use crate::memory::{product, require};
 use crate::{Error, Result, atomic_file};
 pub use advice::ToolChange;
 #[doc(hidden)] // of the page and the program
@@ -285,6 +285,20 @@ impl Findings {
         }
         Ok(paths.into())
     }
+}
+
+/// A finding, while all are listed, sorted and parted.
+const FINDING_BYTES: usize = 4 * size_of::<Finding>();
+
+/// The findings of so many regions.
+fn require_for_findings(n_regions: usize) -> Result<()> {
+    require("the findings", product([n_regions, FINDING_BYTES]), "take fewer sites")
+}
+
+/// The files of so many findings.
+fn require_for_findings_files(n_findings: usize) -> Result<()> {
+    let needed = product([n_findings, FINDING_JSON_BYTES]);
+    require("writing the findings", needed, "take fewer sites")
 }
 
 /// Why a site is not accessible; `None` if it is.

@@ -1,6 +1,5 @@
 //! Upper estimates of what pictures, pages and findings take: what does not fit into the memory is refused before it is begun.
 
-use super::findings::Finding;
 use super::raster::{Fragment, Surface};
 use crate::Result;
 use crate::geom::{Mesh, Sites};
@@ -30,9 +29,8 @@ const PAGE_WORDS_BYTES: u64 = 4 << 20;
 const REGION_SITE_BYTES: usize = 256;
 /// A triangle: its neighbors and the edges that they are found by.
 const REGION_TRIANGLE_BYTES: usize = 64;
-/// A finding, while all are listed, sorted and parted; and as JSON.
-const FINDING_BYTES: usize = 4 * size_of::<Finding>();
-const FINDING_JSON_BYTES: usize = 4096;
+/// A finding as JSON.
+pub(super) const FINDING_JSON_BYTES: usize = 4096;
 
 /// How much there is to draw.
 #[derive(Clone, Copy)]
@@ -102,17 +100,6 @@ impl PartSize {
     }
 }
 
-/// The findings of so many regions.
-pub(super) fn require_for_findings(n_regions: usize) -> Result<()> {
-    require("the findings", product([n_regions, FINDING_BYTES]), "take fewer sites")
-}
-
-/// The files of so many findings.
-pub(super) fn require_for_findings_files(n_findings: usize) -> Result<()> {
-    let needed = product([n_findings, FINDING_JSON_BYTES]);
-    require("writing the findings", needed, "take fewer sites")
-}
-
 fn sum(terms: impl IntoIterator<Item = u64>) -> u64 {
     terms.into_iter().fold(0, u64::saturating_add)
 }
@@ -134,8 +121,6 @@ mod tests {
             few.require_for_gltf(usize::MAX),
             few.require_for_page(usize::MAX, 1),
             few.require_for_page(1, usize::MAX),
-            require_for_findings(usize::MAX / 2),
-            require_for_findings_files(usize::MAX / 2),
         ] {
             if cfg!(target_os = "linux") {
                 let message = refused.unwrap_err().to_string();

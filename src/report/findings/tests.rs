@@ -127,3 +127,16 @@ fn what_is_all_accessible_has_no_findings() {
     let none = Findings::of(&Sites::default(), None, &SiteAnswers::default(), &[]).unwrap();
     assert!(none.list.is_empty());
 }
+
+#[test]
+fn findings_beyond_every_memory_are_refused() {
+    for refused in
+        [require_for_findings(usize::MAX / 2), require_for_findings_files(usize::MAX / 2)]
+    {
+        if cfg!(target_os = "linux") {
+            let message = refused.unwrap_err().to_string();
+            assert!(message.contains(" bytes, the limit is "), "{message}");
+        }
+    }
+    require_for_findings(100).and_then(|()| require_for_findings_files(100)).unwrap();
+}
