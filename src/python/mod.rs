@@ -6,6 +6,7 @@
 
 mod answers;
 mod errors;
+mod explain;
 mod folder;
 mod input;
 mod machined;
@@ -30,6 +31,8 @@ mod module {
     #[pymodule_export]
     use super::answers::{Outcome, ToolAnswers, analyze, read_outcome};
     #[pymodule_export]
+    use super::explain::explain;
+    #[pymodule_export]
     use super::machined::{MachinedOutcome, machined};
     #[pymodule_export]
     use super::network::{Network, Prediction};
@@ -47,8 +50,6 @@ mod module {
     use super::training::Trainer;
     #[pymodule_export]
     use super::volume::{VolumeOutcome, volume};
-    #[pymodule_export]
-    use super::why::explain;
 
     use pyo3::prelude::*;
 

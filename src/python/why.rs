@@ -1,9 +1,8 @@
-//! Why a site can or cannot be reached.
+//! Why a site of an outcome or of a folder can or cannot be reached.
 
 use super::errors::{detached, refused, wrong_type};
 use super::input;
 use super::output::of_json;
-use super::part::path_of;
 use crate::analysis::Outcome;
 use crate::data::files::label_query::LabelQuery;
 use crate::report::explanation::{About, part_advice};
@@ -78,32 +77,9 @@ pub fn of_outcome(
     Ok(of_json(py, &value)?.unbind())
 }
 
-/// Why a site can or cannot be reached, what blocks, and the least change of the tool that helps.
-///
-/// result: an Outcome, or the folder that `Outcome.save` or `deepmill label` has written (of several tools, that of
-/// one). site: its row; or at: x, y, z in mm, for the nearest site. tool: number or name, of an Outcome.
-/// Returns a dict: `answer`, `sentences`, `blocked_by`, `witness`, `nearest`, `changes` and more.
-#[pyfunction]
-#[pyo3(signature = (result, site=None, *, at=None, tool=None))]
-pub fn explain(
-    result: &Bound<'_, PyAny>,
-    site: Option<&Bound<'_, PyAny>>,
-    at: Option<&Bound<'_, PyAny>>,
-    tool: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Py<PyAny>> {
-    let py = result.py();
-    let place = Place::of(py, site, at)?;
-    if let Ok(outcome) = result.cast::<super::answers::Outcome>() {
-        let outcome = outcome.get();
-        let tool = tool.map_or(Ok(0), |tool| outcome.tool_of(tool))?;
-        return of_outcome(py, &outcome.outcome, tool, place);
-    }
-    let path = path_of("result", result)?;
-    if tool.is_some() {
-        let remedy = "give the folder of that tool";
-        return Err(refused(py, "tool", "given with a folder", "none", remedy));
-    }
-    let value = detached(py, || words(&read(&path)?, place))?;
+/// About a folder of labels.
+pub fn of_folder(py: Python<'_>, path: &Path, place: Place) -> PyResult<Py<PyAny>> {
+    let value = detached(py, || words(&read(path)?, place))?;
     Ok(of_json(py, &value)?.unbind())
 }
 
