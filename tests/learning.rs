@@ -2,7 +2,6 @@
 #![cfg(feature = "generate")]
 
 use deepmill::access::{LabelOptions, Obstacles, label};
-use deepmill::answers::SiteAnswers;
 use deepmill::cutter::{Cutter, CutterParams};
 use deepmill::data::generated::{Family, part};
 use deepmill::data::{Augment, Sample};
@@ -124,7 +123,7 @@ fn a_run_with_labels_made_on_the_fly_resumes_to_the_same_bits_and_needs_no_label
     assert!(whole.train(&online(&samples), &[], &mut ()).unwrap().is_continue());
     for sample in &mut samples {
         let none = vec![false; sample.sites.len()];
-        sample.answers = SiteAnswers::new(none.clone(), none);
+        sample.answers = deepmill::answers::SiteAnswers::new(none.clone(), none);
     }
     let path = tempfile::tempdir().unwrap().path().join("checkpoint.safetensors");
     for stop in [1, 2, 5] {
