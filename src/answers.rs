@@ -2,7 +2,7 @@
 //!
 //! The exact labeler ([`access::Labeler`](crate::access::Labeler)) and the network
 //! ([`model::Predictor`](crate::model::Predictor)) take the same [`Sites`](crate::geom::Sites) and the same
-//! [`Cutter`](crate::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
+//! [`Cutter`](crate::tool::cutter::Cutter), and both return [`SiteAnswers`]. `true` is always the positive class:
 //! *inaccessible*, *occlusion point*.
 
 #[cfg(feature = "approx")]

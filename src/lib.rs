@@ -82,48 +82,45 @@ pub mod analysis;
 pub mod answers;
 #[cfg(feature = "ndarray")]
 pub mod arrays;
-#[cfg(feature = "formats")]
-#[doc(hidden)] // of the program
-pub mod atomic_file;
 #[cfg(feature = "capi")]
 #[doc(hidden)] // of C
 pub mod capi;
-pub mod cutter;
+mod conformance;
 pub mod data;
-pub mod directions;
 pub mod error;
-#[cfg(feature = "formats")]
-#[doc(hidden)] // of the program
-pub mod folder_lock;
+mod exec;
 pub mod geom;
-pub mod gradcheck;
 #[cfg(any(doc, doctest))]
 pub mod guide;
-#[cfg(feature = "formats")]
-mod input_file;
-pub mod loss;
-#[doc(hidden)] // limits of this package, set by the program
-pub mod memory;
-pub mod metrics;
+mod learn;
 pub mod model;
 pub mod nn;
+mod numeric;
 pub mod octree;
-pub mod optim;
-pub mod par;
-#[cfg(feature = "formats")]
-#[doc(hidden)] // of the program
-pub mod parity;
-pub mod processes;
 #[cfg(feature = "python")]
 mod python;
 #[cfg(feature = "formats")]
 pub mod report;
-pub mod rng;
-pub mod scalar;
 pub mod simd;
 mod spatial;
-mod stopwatch;
+#[cfg(feature = "formats")]
+mod storage;
+mod tool;
 pub mod train;
+
+pub use conformance::gradcheck;
+#[cfg(feature = "formats")]
+#[doc(hidden)] // of the program
+pub use conformance::parity;
+#[doc(hidden)] // limits of this package, set by the program
+pub use exec::memory;
+pub use exec::{par, processes};
+pub use learn::{loss, metrics, optim};
+pub use numeric::{rng, scalar};
+#[cfg(feature = "formats")]
+#[doc(hidden)] // of the program
+pub use storage::{atomic_file, folder_lock};
+pub use tool::{cutter, directions};
 
 pub use error::{Error, Result};
 /// The vectors that this crate's types hold.

@@ -2,7 +2,7 @@
 //! inaccessible.
 //!
 //! Growing a cutter by `c` lowers every step by `c` and widens it by `c`
-//! ([`Cutter::grown`](crate::cutter::Cutter::grown)). In one direction, obstacle `j`
+//! ([`Cutter::grown`](crate::tool::cutter::Cutter::grown)). In one direction, obstacle `j`
 //! begins to collide with the grown cutter at `c = min over steps of max(height − h, r − radius)`; the
 //! direction is accessible for every smaller `c`. A query's clearance is therefore
 //!
@@ -17,11 +17,11 @@
 use super::kernels::rotate_obstacles;
 use super::predicate::Frame;
 use super::problem::{PlacedCutter, Scene};
-use crate::cutter::Cutter;
-use crate::par;
+use crate::exec::par;
 use crate::simd::Isa;
 use crate::spatial::Coordinates;
 use crate::spatial::bvh::{Aabbs, Bvh8, FAN_OUT};
+use crate::tool::cutter::Cutter;
 
 /// Clearance of every query of `scene`, within ±`limit_mm`; next to 0 the sign is open to rounding.
 pub(super) fn signed_clearance(

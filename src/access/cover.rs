@@ -202,7 +202,7 @@ impl Search {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn the_smallest_cover_is_found_where_greedy_takes_one_too_many() {

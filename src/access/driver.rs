@@ -14,11 +14,12 @@ use super::problem::{Obstacles, PlacedCutter, Queries, Scene};
 use super::pruned::{BetaBounds, Pruned};
 use super::reference::Reference;
 use super::stats::Stats;
+use crate::Result;
 use crate::answers::{SiteAnswer, SiteAnswers};
-use crate::cutter::{Cutter, require_steps};
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::simd::Isa;
-use crate::{Result, par};
+use crate::tool::cutter::{Cutter, require_steps};
+use crate::tool::directions::Directions;
 
 /// Labels of `queries` for one cutter; see the [module](super) for the definition.
 ///

@@ -8,8 +8,9 @@
 //! | β | 8 for each obstacle and cutter, and the same for each thread |
 //! | scratch | 128 for each query and obstacle, and the same for each thread |
 
-use crate::memory::{product, require};
-use crate::{Result, par};
+use crate::Result;
+use crate::exec::memory::{product, require};
+use crate::exec::par;
 
 const OF_ROW: usize = 128;
 const OF_ANSWER: usize = 160;
@@ -96,9 +97,9 @@ mod tests {
     use super::*;
     use crate::access::surface::{SurfaceOptions, TriangleObstacles};
     use crate::access::{LabelOptions, Obstacles, label_many};
-    use crate::cutter::Cutter;
-    use crate::directions::{DirectionSet, Directions};
     use crate::geom::{Sites, solids};
+    use crate::tool::cutter::Cutter;
+    use crate::tool::directions::{DirectionSet, Directions};
     use glam::Vec3;
 
     /// What would take petabytes is refused before a byte of that is allocated.

@@ -5,11 +5,12 @@
 //! without cutting elsewhere, in any direction: this test finds those sites.
 
 use super::predicate;
-use crate::cutter::Cutter;
+use crate::exec::par;
 use crate::geom::Sites;
 use crate::geom::sites::check_points;
 use crate::spatial::PointGrid;
-use crate::{Error, Result, par};
+use crate::tool::cutter::Cutter;
+use crate::{Error, Result};
 use glam::Vec3;
 
 /// Sites per task.
@@ -55,7 +56,7 @@ pub fn gouges(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
+    use crate::tool::cutter::CutterParams;
 
     /// A V-groove of a right angle: a ball of radius 1 touches both flanks at once when it touches
     /// 1 mm up the flank, and cuts into the other flank when it touches lower.

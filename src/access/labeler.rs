@@ -6,9 +6,9 @@ use super::problem::Obstacles;
 use super::surface::{SurfaceOptions, TriangleObstacles};
 use crate::Result;
 use crate::answers::SiteAnswers;
-use crate::cutter::Cutter;
-use crate::directions::Directions;
 use crate::geom::{Mesh, Sites};
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 
 /// Answers exactly, by one of two definitions; takes and returns what
 /// [`Predictor`](crate::model::Predictor) does.

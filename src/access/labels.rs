@@ -5,8 +5,8 @@ use super::matrix::CollisionMatrix;
 use super::stats::Stats;
 use super::surface::SurfaceEvidence;
 use crate::answers::{Rounding, SiteAnswers};
-use crate::cutter::ToolPart;
 use crate::simd::Isa;
+use crate::tool::cutter::ToolPart;
 use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -132,7 +132,7 @@ pub const BOTTOM_MM: f64 = 1.0;
 
 impl LabelOptions {
     /// Those of the published definition: bottom rule of 1 mm, shares rounded down. Its directions are
-    /// [`Directions::published`](crate::directions::Directions::published).
+    /// [`Directions::published`](crate::tool::directions::Directions::published).
     pub fn published() -> Self {
         LabelOptions {
             rounding: Rounding::Floor,

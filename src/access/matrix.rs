@@ -92,7 +92,7 @@ impl CollisionMatrix {
     /// those.
     pub(super) fn summary(&self) -> (Vec<bool>, Vec<u32>, Vec<Option<u32>>) {
         let n_words = self.n_queries.div_ceil(64);
-        let blocks = crate::par::map_blocks(n_words, SUMMARY_BLOCK, |words| {
+        let blocks = crate::exec::par::map_blocks(n_words, SUMMARY_BLOCK, |words| {
             words.map(|word| self.word_summary(word)).collect::<Vec<_>>()
         });
         let summaries = blocks.into_iter().flatten();

@@ -4,7 +4,7 @@
 //!
 //! Direction `d` points from tip to spindle. Touching site `i`, the cutter's reference point (the
 //! ball's center) is `c_i = s_i + CR·n_i`. Another point `s_j` at height `h = (s_j − c_i)·d` and
-//! distance `r` from the axis collides iff for some [step](crate::cutter::Step) `h > height` and
+//! distance `r` from the axis collides iff for some [step](crate::tool::cutter::Step) `h > height` and
 //! `r ≤ radius`; for the ball-end cutter
 //!
 //! ```text
@@ -17,7 +17,7 @@
 //! [`predicate`] fixes the order of every `f32` operation.
 //!
 //! The **published definition** ([`Labeler::published`]) is this with the directions of
-//! [`DirectionSet::Published`](crate::directions::DirectionSet::Published) and with [`LabelOptions::published`]: sites
+//! [`DirectionSet::Published`](crate::tool::directions::DirectionSet::Published) and with [`LabelOptions::published`]: sites
 //! lower than the lowest plus 1 mm are accessible by rule and not ranked, and the share of the others is rounded down.
 //!
 //! # Engines

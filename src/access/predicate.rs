@@ -10,8 +10,8 @@
 //! 4. collision: `z_j > z_c + height` and `dx·dx + dy·dy ≤ radius²` with `dx = x_j − x_c`; `height`
 //!    and `radius²` are computed in `f64` and rounded once.
 
-use crate::cutter::Cutter;
-use crate::directions::basis;
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::basis;
 use glam::Vec3;
 
 /// One widening of a cutter as the predicate uses it: collides above `height` within `radius_squared`.
@@ -72,8 +72,8 @@ pub fn collides(steps: &[StepSquared], center: [f32; 3], obstacle: [f32; 3]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
-    use crate::directions::Directions;
+    use crate::tool::cutter::CutterParams;
+    use crate::tool::directions::Directions;
 
     #[test]
     fn frames_keep_lengths_and_put_the_direction_upright() {

@@ -3,11 +3,11 @@
 use super::bottom_sites;
 use super::kernels::Rotate;
 use super::predicate::{self, Frame, StepSquared};
-use crate::cutter::Cutter;
 use crate::geom::Sites;
 use crate::geom::sites::{check_points, check_sites};
 use crate::simd::Isa;
 use crate::spatial::Coordinates;
+use crate::tool::cutter::Cutter;
 use crate::{Error, Result};
 use glam::Vec3;
 

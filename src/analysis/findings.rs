@@ -1,17 +1,18 @@
 //! Findings of one tool or several, and which change of a tool would help.
 
+use crate::Result;
 use crate::access::Labels;
 use crate::access::surface::explain::RegionAdvice;
 use crate::access::surface::{PartChange, PartLength, SurfaceOptions, TriangleObstacles};
 use crate::answers::SiteAnswer;
-use crate::cutter::Assembly;
 use crate::data::files::tools::Tool;
-use crate::directions::{DirectionSet, Directions};
+use crate::exec::par;
 use crate::geom::{Mesh, Sites};
 use crate::report::findings::{
     Findings, Opening, PartAdvice, ToolChange, add_blocking_parts, add_proofs,
 };
-use crate::{Result, par};
+use crate::tool::cutter::Assembly;
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::Vec3;
 
 /// Findings that are shown in words, and for which a change of the tool is looked for.

@@ -8,11 +8,11 @@ use super::placed::{Placed, without_area};
 use crate::access::surface::explain::blocking_parts_among_points;
 use crate::access::surface::{TriangleObstacles, Warning};
 use crate::access::{self, LabelOptions, Labels, Obstacles};
-use crate::cutter::Cutter;
 use crate::data::files::tools::Tool;
 use crate::geom::Mesh;
 use crate::geom::spacing::areas_on;
 use crate::report::findings::{ALL_TOOLS, Findings, add_blocking_parts, for_all_tools};
+use crate::tool::cutter::Cutter;
 use crate::{Error, Result};
 use std::time::Instant;
 

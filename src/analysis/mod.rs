@@ -77,11 +77,11 @@ use crate::access::LabelOptions;
 use crate::access::surface::SurfaceOptions;
 use crate::data::files::settings::Blocking;
 use crate::data::files::tools::Tool;
-use crate::directions::Directions;
 use crate::geom::file_vertices::FileVertices;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::selection::Selection;
 use crate::geom::sites::{SiteOptions, VertexNormals};
+use crate::tool::directions::Directions;
 use glam::DVec3;
 use request::{Placement, Region, Request};
 

@@ -13,11 +13,11 @@ use crate::data::files::settings::{
 };
 use crate::data::files::tools::Tool;
 use crate::data::files::{LabelFile, Provenance};
-use crate::directions::Directions;
 use crate::geom::{Mesh, Sites};
 use crate::report::coverage::Coverage;
 use crate::report::findings::Findings;
 use crate::report::gate::SiteAreas;
+use crate::tool::directions::Directions;
 use serde::{Deserialize, Serialize};
 
 /// The answers about one tool.

@@ -6,7 +6,6 @@ use super::write::Files;
 use crate::Result;
 use crate::access::surface::{ToolReach, Warning};
 use crate::answers::{SiteAnswer, SiteAnswers};
-use crate::cutter::Assembly;
 use crate::data::files::tools::Tool;
 use crate::geom::units::Unit;
 use crate::report::PartView;
@@ -15,6 +14,7 @@ use crate::report::findings::{Findings, for_all_tools};
 use crate::report::gate::SiteAreas;
 use crate::report::library::Library;
 use crate::report::page::{LivePage, Page};
+use crate::tool::cutter::Assembly;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

@@ -3,7 +3,7 @@
 use super::share_limit::{greatest_mean, sample_size, upper_limit};
 use super::{SiteAnswer, SiteAnswers, check_bound, check_probabilities};
 use crate::Result;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -200,7 +200,7 @@ impl Plan {
 mod tests {
     use super::*;
     use crate::answers::NetworkEvidence;
-    use crate::par;
+    use crate::exec::par;
 
     /// Predictions that say "no" with the uncertainties of a part, and the truth.
     fn part(n: usize, mut of: impl FnMut(usize) -> (f64, bool)) -> (SiteAnswers, Vec<bool>) {

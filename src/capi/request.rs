@@ -9,10 +9,10 @@ use crate::access::LabelOptions;
 use crate::access::surface::{ContactTolerance, RefinementOptions, SurfaceOptions};
 use crate::analysis::{Analysis, Fixture, Observer};
 use crate::data::files::tools::named_apart;
-use crate::directions::{DirectionSet, Directions};
+use crate::exec::par;
 use crate::geom::origin;
 use crate::geom::sites::{Normals, SiteOptions};
-use crate::par;
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::DVec3;
 use std::sync::Arc;
 

@@ -7,10 +7,10 @@ use super::work;
 use crate::Result;
 use crate::analysis::{Files, Observer, Outcome, ToolOutcome};
 use crate::answers::{SiteAnswer, SiteAnswers};
-use crate::atomic_file;
 use crate::report::export::Extra;
 use crate::report::findings::{Finding, Findings, for_all_tools};
 use crate::report::gate::SiteAreas;
+use crate::storage::atomic_file;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 

@@ -3,8 +3,8 @@
 use super::mesh::unit_of;
 use super::status::{Answer, Failure, called, refused};
 use crate::Result;
-use crate::cutter::CutterParams;
 use crate::data::files::tools::{self, MissingParameters, Tool};
+use crate::tool::cutter::CutterParams;
 use std::path::Path;
 
 /// Tools in order, and what was left out of their files.

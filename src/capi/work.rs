@@ -1,8 +1,9 @@
 //! Long work: on threads of its own, with its progress on the thread of the caller.
 
 use super::status::Answer;
+use crate::Result;
 use crate::analysis::{Observer, Progress, Stage};
-use crate::{Result, par};
+use crate::exec::par;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{self, Receiver, Sender};

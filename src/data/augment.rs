@@ -8,7 +8,7 @@
 
 use crate::data::Sample;
 use crate::geom::Sites;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use glam::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -235,8 +235,8 @@ impl NoiseGrid {
 mod tests {
     use super::*;
     use crate::answers::SiteAnswers;
-    use crate::cutter::CutterParams;
-    use crate::rng::Purpose;
+    use crate::numeric::rng::Purpose;
+    use crate::tool::cutter::CutterParams;
 
     fn sample() -> Sample {
         let points = (0..500).map(|i| {

@@ -1,6 +1,6 @@
 //! The order of samples in training: one shuffle per epoch, cut into full batches.
 
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 
 /// Sample indices of every batch of `epoch`, from stream (`seed`, `epoch`, 0, shuffle).
 ///

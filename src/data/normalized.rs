@@ -12,9 +12,9 @@
 
 use super::sample::Sample;
 use crate::access::{self, LabelOptions, Obstacles};
-use crate::cutter::{Cutter, CutterParams};
-use crate::directions::Directions;
 use crate::geom::Sites;
+use crate::tool::cutter::{Cutter, CutterParams};
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 use glam::Vec3;
 use std::collections::BTreeMap;

@@ -4,8 +4,10 @@
 //! the same arrays give the same bytes. A reader takes any real or whole number type, in C or
 //! Fortran order, and never reserves memory because a header says so.
 
+use crate::exec::memory;
 use crate::geom::formats::npz::{HEAD_BYTES, check_header};
-use crate::{Error, Result, atomic_file, memory};
+use crate::storage::atomic_file;
+use crate::{Error, Result};
 use glam::Vec3;
 use npyz::npz::file_name_from_array_name;
 use npyz::{NpyFile, WriteOptions, WriterBuilder};

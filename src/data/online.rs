@@ -5,12 +5,12 @@
 //! sample): the same arguments give the same sample, whatever was drawn before.
 
 use crate::access::{self, LabelOptions, Obstacles};
-use crate::cutter::{Cutter, CutterSet};
 use crate::data::augment::{Elastic, Turn};
 use crate::data::{Sample, SampleSource};
-use crate::directions::Directions;
 use crate::geom::Sites;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
+use crate::tool::cutter::{Cutter, CutterSet};
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 use glam::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -191,7 +191,7 @@ impl SampleSource for Online {
 mod tests {
     use super::*;
     use crate::answers::SiteAnswers;
-    use crate::cutter::CutterParams;
+    use crate::tool::cutter::CutterParams;
 
     fn bowl() -> Sample {
         let points: Vec<Vec3> = (0..400)

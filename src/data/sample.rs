@@ -1,9 +1,9 @@
 //! A training sample: the sites of one part, one cutter, and the labels of both heads.
 
 use crate::answers::SiteAnswers;
-use crate::cutter::{Cutter, CutterParams};
 use crate::geom::Sites;
 use crate::geom::sites::check_points;
+use crate::tool::cutter::{Cutter, CutterParams};
 use crate::{Error, Result};
 use std::sync::Arc;
 

@@ -3,10 +3,10 @@
 use crate::access::surface::{SurfaceOptions, TriangleObstacles};
 use crate::access::{LabelOptions, Obstacles, Queries, label};
 use crate::answers::SiteAnswers;
-use crate::cutter::Cutter;
-use crate::directions::Directions;
 use crate::geom::inside::{Lattice, lattice_inside};
 use crate::geom::{Mesh, Sites};
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 use glam::Vec3;
 

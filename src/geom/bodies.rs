@@ -292,10 +292,10 @@ fn append(to: &mut Mesh, from: &Mesh, faces: &[u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exec::par;
     use crate::geom::check::{Fault, check};
     use crate::geom::solids::{cuboid, torus};
     use crate::geom::weld::weld;
-    use crate::par;
     use glam::dvec3;
 
     fn block(low: [f64; 3], high: [f64; 3]) -> Mesh {

@@ -3,9 +3,10 @@
 use super::sites::{OPPOSITE, same_sheet};
 use super::spacing::{Spacing, mean_and_cv};
 use super::{Mesh, Sites};
-use crate::rng::{Purpose, Stream};
+use crate::Result;
+use crate::exec::par;
+use crate::numeric::rng::{Purpose, Stream};
 use crate::spatial::KdTree;
-use crate::{Result, par};
 use glam::DVec3;
 
 /// How far from a site, in mean spacings, two opposite neighbors make it a rim site. At 1.2 a few

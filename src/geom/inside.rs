@@ -41,8 +41,9 @@
 use super::check::topology::Topology;
 use super::mesh::WITHIN_1E12_MM;
 use super::{Mesh, check::Place};
+use crate::exec::{memory, par};
 use crate::spatial::AabbGrid;
-use crate::{Error, Result, memory, par};
+use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
 use std::collections::BTreeMap;
@@ -362,7 +363,7 @@ mod tests {
     use super::*;
     use crate::geom::solids::{cuboid, prism, torus};
     use crate::geom::weld::weld;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// Winding number by the solid angle of every triangle (Van Oosterom and Strackee 1983), and
     /// whether the point lies on none of them.

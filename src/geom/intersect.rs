@@ -9,7 +9,7 @@
 use super::Mesh;
 use super::check::topology::has_three_corners;
 use super::check::{Fault, Finding, N_PLACES, Place};
-use crate::par;
+use crate::exec::par;
 use crate::spatial::AabbGrid;
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};

@@ -7,7 +7,8 @@ mod loose;
 use super::check::topology::{Topology, has_three_corners};
 use super::check::{Fault, check, volume_of};
 use super::{Mesh, inside, weld};
-use crate::{Result, par};
+use crate::Result;
+use crate::exec::par;
 use glam::DVec3;
 pub use loose::drop_loose;
 use std::collections::{HashMap, HashSet};
@@ -301,7 +302,7 @@ pub(super) fn extremes(mesh: &Mesh, faces: &[u32]) -> [DVec3; 6] {
 mod tests {
     use super::*;
     use crate::geom::solids::{cuboid, torus};
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     fn together(a: &Mesh, b: &Mesh) -> Mesh {
         let n = a.vertices.len() as u32;

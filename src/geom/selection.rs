@@ -16,8 +16,9 @@
 
 use super::Mesh;
 use super::sites::{self, SiteOptions, Sites};
+use crate::exec::par;
 use crate::spatial::{AabbGrid, PointGrid};
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use glam::DVec3;
 use std::collections::HashMap;
 

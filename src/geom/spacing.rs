@@ -5,8 +5,9 @@
 use super::check::topology::Topology;
 use super::sites::same_sheet;
 use super::{Mesh, Sites};
+use crate::exec::par;
 use crate::spatial::KdTree;
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

@@ -137,7 +137,7 @@ pub(crate) fn join(parent: &mut [u32], a: u32, b: u32) {
 mod tests {
     use super::*;
     use crate::geom::solids::torus;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// Every triangle with corners of its own, each moved by at most `noise` mm.
     fn soup(mesh: &Mesh, noise: f64) -> Mesh {

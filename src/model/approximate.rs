@@ -1,7 +1,7 @@
 //! Predictions compared within a tolerance, number by number.
 
 use super::prediction::Prediction;
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use approx::{AbsDiffEq, RelativeEq};
 
 /// Shares, which are `f32`, have the tolerance of the logits.

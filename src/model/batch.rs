@@ -3,13 +3,14 @@
 use super::coarse;
 use super::config::{CutterInput, InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
-use crate::cutter::{Cutter, CutterParams};
+use crate::exec::par;
 use crate::geom::sites::{check_points, check_sites};
 use crate::nn::interp::Interpolation;
 use crate::nn::operand::Operand;
+use crate::numeric::scalar::Scalar;
 use crate::octree::{Cloud, CubeTransform, Octree};
-use crate::scalar::Scalar;
-use crate::{Error, Result, par};
+use crate::tool::cutter::{Cutter, CutterParams};
+use crate::{Error, Result};
 use glam::Vec3;
 
 /// One shape to be judged, in millimeters.

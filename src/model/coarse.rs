@@ -20,10 +20,10 @@
 use super::config::{InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
 use crate::access::{self, LabelOptions, Obstacles, occlusion_points};
-use crate::cutter::{Cutter, CutterParams};
-use crate::directions::Directions;
 use crate::geom::Sites;
 use crate::octree::{Cloud, Octree};
+use crate::tool::cutter::{Cutter, CutterParams};
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 
 /// A cutter's lengths are at least that; in the cube `[-1, 1]³` no site is told from another by less.

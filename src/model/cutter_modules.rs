@@ -11,7 +11,7 @@ use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
 use crate::nn::relu::Relu;
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// Lengths of a cutter: CR, CH, FR, FH.

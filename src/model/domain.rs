@@ -1,7 +1,7 @@
 //! The domain of a network: the ranges of ratios it was trained for, since labels depend on ratios of lengths alone.
 
 use crate::answers::{OutsideDomain, QUANTITIES};
-use crate::cutter::CutterParams;
+use crate::tool::cutter::CutterParams;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 

@@ -3,12 +3,13 @@
 use super::batch::cutter_input;
 use super::config::{Cube, CutterInput};
 use super::cutter_modules::N_LENGTHS;
+use crate::exec::par;
 use crate::nn::neighbor_mean::Neighbors;
+use crate::numeric::rng::Stream;
+use crate::numeric::scalar::Scalar;
 use crate::octree::Normalization;
-use crate::rng::Stream;
-use crate::scalar::Scalar;
 use crate::spatial::KdTree;
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 
@@ -173,7 +174,7 @@ mod tests {
     use crate::nn::neighbor_mean::NeighborMean;
     use crate::nn::operand::Operand;
     use crate::nn::pass::Inference;
-    use crate::rng::Purpose;
+    use crate::numeric::rng::Purpose;
 
     fn tetrahedron() -> ([Vec3; 4], [[u32; 3]; 4]) {
         let points = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];

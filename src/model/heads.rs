@@ -10,7 +10,7 @@ use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
 use crate::nn::saved::Policy;
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// Heads that every network has: inaccessible (class 0 = inaccessible), occlusion (class 1 = occlusion point).

@@ -4,7 +4,7 @@ use super::training::TrainingPass;
 use crate::nn::arena::Buffer;
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 
 /// A network: an immutable description whose numbers lie in the flat vectors of a [`Model`](super::Model), with any
 /// input, any number of heads and any number of classes in each.

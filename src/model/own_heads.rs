@@ -9,7 +9,7 @@ use super::unet::UNet;
 use crate::nn::arena::Buffer;
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use crate::{Error, Result};
 use std::fmt::Debug;
 
@@ -85,8 +85,8 @@ impl<T: Scalar> Network<T> for OwnHeads {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradcheck::{self, GradcheckSettings};
-    use crate::loss::CrossEntropy;
+    use crate::conformance::gradcheck::{self, GradcheckSettings};
+    use crate::learn::loss::CrossEntropy;
     use crate::model::config::{CutterConfig, InputConfig};
     use crate::model::{Model, Shape};
     use crate::nn::arena::Arena;

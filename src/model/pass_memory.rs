@@ -12,9 +12,9 @@ use super::config::UNetConfig;
 use super::cutter_modules::N_LENGTHS;
 use super::graph_sage::GraphSageConfig;
 use super::heads::{N_CLASSES, N_HEADS};
-use crate::memory::product;
+use crate::exec::memory::product;
+use crate::exec::par;
 use crate::nn::OperatorShape;
-use crate::par;
 
 /// Memory of a pass, layer by layer, in numbers.
 struct PassMemory {
@@ -192,8 +192,8 @@ mod tests {
     use crate::nn::arena::Arena;
     use crate::nn::pass::Inference;
     use crate::nn::saved::Policy;
+    use crate::numeric::rng::{Purpose, Stream};
     use crate::octree::tests::sheet;
-    use crate::rng::{Purpose, Stream};
 
     /// The arena's peak in bytes and the estimate, of inference and of a step.
     fn measure<N: SiteNetwork<f32>>(net: N, n_points: &[usize]) -> [(u64, u64); 2] {

@@ -14,12 +14,12 @@ use super::site_network::{AnyNetwork, SiteNetwork};
 use super::training::{InputGradients, TrainingPass};
 use super::unet::{Activations, UNet};
 use crate::answers::Definition;
-use crate::memory;
+use crate::exec::memory;
+use crate::exec::par;
 use crate::nn::arena::{Arena, Buffer};
 use crate::nn::pass::{Backward, Inference, Training, Update};
-use crate::par;
-use crate::rng::Stream;
-use crate::scalar::Scalar;
+use crate::numeric::rng::Stream;
+use crate::numeric::scalar::Scalar;
 use crate::{Error, Result};
 use glam::Vec3;
 
@@ -131,7 +131,7 @@ impl<T: Scalar, N: SiteNetwork<T>> Model<T, N> {
     /// # Errors
     /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not of unit
     /// length, or the lengths make no ball-end cutter
-    /// ([`Cutter::ball_end`](crate::cutter::Cutter::ball_end)); if a calibration is not sound; if it does not fit into the memory.
+    /// ([`Cutter::ball_end`](crate::tool::cutter::Cutter::ball_end)); if a calibration is not sound; if it does not fit into the memory.
     ///
     /// ```
     /// use deepmill::model::{Model, UNetConfig};

@@ -3,7 +3,7 @@
 use super::config::N_COARSE;
 use super::heads::N_CLASSES;
 use crate::answers::{NetworkEvidence, SiteAnswers, is_positive, mark_top_share};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 

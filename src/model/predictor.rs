@@ -9,10 +9,10 @@ use super::predict::AnyModel;
 use super::prediction::Prediction;
 use super::site_network::AnyNetwork;
 use crate::answers::{Definition, OutsideDomain, SiteAnswers};
-use crate::cutter::{Cutter, CutterParams};
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::{Mesh, Sites};
 use crate::spatial::order;
+use crate::tool::cutter::{Cutter, CutterParams};
 use crate::{Error, Result};
 
 /// Answers as a network predicts; takes and returns what [`Labeler`](crate::access::Labeler) does.
@@ -227,9 +227,9 @@ type Predicted = (Prediction<f32>, Vec<OutsideDomain>);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
     use crate::geom::solids;
     use crate::model::{Model, UNetConfig};
+    use crate::tool::cutter::CutterParams;
     use glam::{DVec3, Vec3};
 
     #[test]

@@ -42,8 +42,8 @@ fn join_planes(file: &[u8]) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::answers::Definition;
-    use crate::cutter::CutterParams;
     use crate::model::Calibration;
+    use crate::tool::cutter::CutterParams;
     use glam::Vec3;
 
     #[test]

@@ -12,9 +12,9 @@ use crate::Result;
 use crate::nn::arena::Buffer;
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
+use crate::numeric::rng::Stream;
+use crate::numeric::scalar::Scalar;
 use crate::octree::OctreeLevel;
-use crate::rng::Stream;
-use crate::scalar::Scalar;
 use std::fmt::Debug;
 use std::ops::Range;
 
@@ -328,13 +328,13 @@ impl<T: Scalar> SiteNetwork<T> for AnyNetwork {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exec::par;
     use crate::model::config::InputConfig;
     use crate::model::graph_sage::GraphSageConfig;
     use crate::model::{AnyModel, Model, UNetConfig};
     use crate::nn::arena::Arena;
+    use crate::numeric::rng::Purpose;
     use crate::octree::tests::sheet;
-    use crate::par;
-    use crate::rng::Purpose;
     use glam::Vec3;
     use std::ops::Range;
     use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -13,7 +13,7 @@ use crate::nn::operand::Operand;
 use crate::nn::pass::{Backward, Training};
 use crate::nn::rows;
 use crate::nn::saved::Saved;
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 
 /// The outcome of a training pass: logits, and what one backward needs and uses up, which [`Network`](super::Network)
 /// names.

@@ -20,8 +20,8 @@ use crate::nn::operand::Operand;
 use crate::nn::params::Layout;
 use crate::nn::pass::Inference;
 use crate::nn::strided_conv::OutputRows;
+use crate::numeric::scalar::Scalar;
 use crate::octree::{KernelMap, Octree, OctreeLevel};
-use crate::scalar::Scalar;
 
 /// Description of a network; its numbers live in the two vectors that [`UNet::layout`] describes.
 ///

@@ -10,8 +10,8 @@ use super::operand::{Operand, OperandGradient};
 use super::params::Layout;
 use super::pass::{Backward, Context, Inference, Training};
 use super::rows;
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// `y = x + [O₁ | … | O_h] W_outᵀ` with `[Q | K | V] = x W_qkvᵀ` and, for head `k` of `d = c/h` columns and the rows of one shape,
@@ -264,7 +264,7 @@ impl<T: Scalar> Layer<T> for Attention {
 mod tests {
     use super::super::testing::{forward, require_gradients};
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
 
     /// The rows of a single shape.
     fn one(n: usize) -> [Range<usize>; 1] {

@@ -7,8 +7,8 @@ use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::normalize::{
     BackwardApply, BackwardRows, BackwardSums, backward_apply, backward_sums,
@@ -326,7 +326,7 @@ mod tests {
     use super::super::arena::Arena;
     use super::super::testing::require_gradients;
     use super::*;
-    use crate::gradcheck;
+    use crate::conformance::gradcheck;
 
     fn layer(c: usize) -> (BatchNorm, Layout, Vec<f64>, Vec<f64>) {
         let mut layout = Layout::default();

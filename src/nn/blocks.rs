@@ -7,8 +7,8 @@ use super::params::Layout;
 use super::pass::{Backward, Inference, Training};
 use super::residual::{Residual, ResidualPolicy, SavedResidual};
 use super::saved::{Policy, Saved};
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// What a row of blocks saves for backward.

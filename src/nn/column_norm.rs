@@ -1,8 +1,8 @@
 //! Normalization of rows column by column, with the activation that follows, in one pass over memory.
 
 use super::rows::BLOCK_ROWS;
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::simd::Isa;
 pub use crate::simd::normalize::Activation;
 use crate::simd::normalize::{Columns, NormalizeRows, normalize};

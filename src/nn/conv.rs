@@ -11,9 +11,9 @@ use super::linear_operator::{LinearOperator, check_width, xavier_bound};
 use super::operand::{Operand, OperandGradient, OperandPart};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::par;
-use crate::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
@@ -262,10 +262,10 @@ mod tests {
         require_concatenation, require_gradients,
     };
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
+    use crate::exec::par::with_threads;
     use crate::octree::tests::{sheet, sheets};
     use crate::octree::{Cloud, Octree, OctreeLevel, OctreeOptions};
-    use crate::par::with_threads;
 
     fn conv(c_in: usize, c_out: usize) -> (OctreeConv, Layout, Vec<f64>) {
         let mut layout = Layout::default();

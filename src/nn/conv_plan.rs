@@ -31,7 +31,7 @@ mod weight_gradient;
 mod winograd;
 
 use super::arena::{Arena, Buffer};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 pub(super) use crate::simd::gemm::weights::Weights;
 pub(crate) use memory::OperatorShape;
 pub(super) use product::{OuterProduct, Product, RowMap, Term};

@@ -10,8 +10,8 @@ use super::linear_operator::{LinearOperator, check_width, xavier_bound};
 use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
+use crate::numeric::scalar::Scalar;
 use crate::octree::OctreeLevel;
-use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// Transposed convolution with weights `{name}.weights: [8, c_out, c_in]`; its geometry is the coarse level.
@@ -143,7 +143,7 @@ mod tests {
         forward, large_octree, octrees, require_adjoint, require_concatenation, require_gradients,
     };
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
 
     fn up(c_in: usize, c_out: usize) -> (OctreeDeconv, Layout, Vec<f64>) {
         let mut layout = Layout::default();

@@ -10,8 +10,8 @@ use super::params::Layout;
 use super::pass::{Backward, Inference, Training};
 use super::saved::Policy;
 use super::strided_conv::{OctreeStridedConv, OutputRows};
+use crate::numeric::scalar::Scalar;
 use crate::octree::OctreeLevel;
-use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// `relu(norm(conv(x)))` from all nodes of one depth to those of the next coarser, in one of two ways to treat
@@ -136,7 +136,7 @@ mod tests {
     use super::super::arena::Arena;
     use super::super::testing::octrees;
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
 
     #[test]
     fn only_the_reference_way_lets_empty_nodes_count() {

@@ -5,8 +5,8 @@ use super::arena::{Arena, Buffer};
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
-use crate::rng::Stream;
-use crate::scalar::Scalar;
+use crate::numeric::rng::Stream;
+use crate::numeric::scalar::Scalar;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -109,9 +109,9 @@ impl<T: Scalar> Layer<T> for Dropout {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradcheck::{self, Case, GradcheckSettings};
+    use crate::conformance::gradcheck::{self, Case, GradcheckSettings};
     use crate::nn::params::Layout;
-    use crate::rng::Purpose;
+    use crate::numeric::rng::Purpose;
 
     fn streams(n: u64) -> Vec<Stream> {
         (0..n).map(|i| Stream::new(3, 0, i, Purpose::Dropout)).collect()

@@ -7,8 +7,8 @@ use super::operand::{Operand, OperandGradient};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::normalize::{
     BackwardApply, BackwardRows, BackwardSums, Columns, backward_apply, backward_sums,
@@ -215,7 +215,7 @@ impl<T: Scalar> Layer<T> for GroupNorm {
 mod tests {
     use super::super::testing::{forward, require_gradients};
     use super::*;
-    use crate::gradcheck;
+    use crate::conformance::gradcheck;
 
     #[test]
     fn gradients_are_right_for_every_grouping_and_shape_size() {

@@ -10,9 +10,9 @@ use super::arena::{Arena, Buffer};
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::{Octree, key};
-use crate::par;
-use crate::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::elementwise::{SparseRows, sparse_rows};
 use glam::{UVec3, Vec3};
@@ -265,12 +265,13 @@ mod tests {
     use super::super::params::Layout;
     use super::super::testing::{self, large_octree, octrees, require_gradients};
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
     use crate::octree::{Cloud, OctreeOptions};
 
     /// Query points all over the cube, its faces included, for each shape.
     fn queries(octree: &Octree, n: usize) -> (Vec<Vec3>, Vec<Range<usize>>) {
-        let mut stream = crate::rng::Stream::new(4, 0, 0, crate::rng::Purpose::Probe);
+        let mut stream =
+            crate::numeric::rng::Stream::new(4, 0, 0, crate::numeric::rng::Purpose::Probe);
         let n_points = n * octree.n_shapes();
         let mut coordinate = || (stream.range(-1.1, 1.1) as f32).clamp(-1.0, 1.0);
         let points = (0..n_points).map(|_| Vec3::from_array([0; 3].map(|_| coordinate())));

@@ -6,7 +6,7 @@ use super::arena::Buffer;
 use super::operand::{Operand, OperandGradient};
 use super::params::{Entry, Layout};
 use super::pass::{Backward, Inference, Training};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// A layer: an immutable description whose numbers lie in the model's flat vectors.

@@ -11,7 +11,7 @@ use super::operand::{Operand, OperandGradient, OperandPart};
 use super::params::{Init, Layout};
 use super::pass::{Backward, Context};
 use super::rows;
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// `y[n, c_out] = x[n, c_in] · Wᵀ + b` with `W: [c_out, c_in]`.
@@ -284,7 +284,7 @@ mod tests {
         forward, require_adjoint, require_concatenation, require_gradients,
     };
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
 
     fn linear(c_in: usize, c_out: usize, bias: bool) -> (Linear, Layout, Vec<f64>) {
         let mut layout = Layout::default();

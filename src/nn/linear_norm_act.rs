@@ -8,7 +8,7 @@ use super::linear_operator::LinearOperator;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use super::saved::{Policy, Saved};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// `y = relu(norm(linear(x)))`, or without the ReLU. Inference normalizes and rectifies each block of rows as

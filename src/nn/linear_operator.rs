@@ -5,7 +5,7 @@ use super::column_norm::Epilogue;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Context, Inference, Training};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// A linear map between the rows of two matrices, along some map of rows to rows. Every one is a [`Layer`] that

@@ -67,10 +67,10 @@ mod testing {
     use super::operand::Operand;
     use super::params::Layout;
     use super::pass::{Backward, Inference, Training};
-    use crate::gradcheck::{self, Case, GradcheckSettings};
+    use crate::conformance::gradcheck::{self, Case, GradcheckSettings};
+    use crate::numeric::scalar::Scalar;
     use crate::octree::tests::sheets;
     use crate::octree::{Cloud, Octree, OctreeOptions};
-    use crate::scalar::Scalar;
     use glam::Vec3;
 
     /// Octrees with empty nodes, of one and of several shapes, of one point, of points in one cell.

@@ -5,8 +5,8 @@ use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use super::rows::BLOCK_ROWS;
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::elementwise::{SparseRows, sparse_rows};
 use std::ops::Range;
@@ -162,7 +162,7 @@ impl<T: Scalar> Layer<T> for NeighborMean {
 mod tests {
     use super::super::testing::{forward, require_adjoint, require_gradients};
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
     use crate::nn::params::Layout;
 
     #[test]

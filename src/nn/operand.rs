@@ -6,7 +6,7 @@
 
 use super::arena::{Arena, Buffer};
 use super::rows;
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use std::ops::{Deref, Range};
 
 /// The input of a layer, `[n, c]`.
@@ -269,7 +269,7 @@ impl<T> Deref for Matrix<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradcheck;
+    use crate::conformance::gradcheck;
 
     #[test]
     fn concatenation_places_every_part_and_its_gradient_is_the_adjoint() {

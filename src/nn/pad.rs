@@ -6,9 +6,9 @@ use super::arena::Buffer;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::OctreeLevel;
-use crate::par;
-use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// Rows per task.
@@ -159,7 +159,7 @@ mod tests {
         forward, large_octree, octrees, require_adjoint, require_concatenation, require_gradients,
     };
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
     use crate::nn::params::Layout;
 
     #[test]

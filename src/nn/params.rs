@@ -1,8 +1,9 @@
 //! The layout of a model's parameters: names, shapes and ranges in its two flat vectors.
 
-use crate::rng::{Purpose, Stream};
-use crate::scalar::Scalar;
-use crate::{Result, memory};
+use crate::Result;
+use crate::exec::memory;
+use crate::numeric::rng::{Purpose, Stream};
+use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
 /// How a parameter or buffer starts.

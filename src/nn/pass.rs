@@ -4,8 +4,8 @@
 //! running statistics and draws dropout, [`Backward`] adds to gradients.
 
 use super::arena::{Arena, Buffer};
-use crate::rng::Stream;
-use crate::scalar::Scalar;
+use crate::numeric::rng::Stream;
+use crate::numeric::scalar::Scalar;
 use std::fmt;
 use std::ops::{Deref, Range};
 

@@ -5,7 +5,7 @@ use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use super::rows::{combine, rectify};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use crate::simd::elementwise::Combination;
 use std::ops::Range;
 
@@ -61,7 +61,7 @@ impl<T: Scalar> Layer<T> for Relu {
 mod tests {
     use super::super::testing::{forward, gradients, require_gradients};
     use super::*;
-    use crate::gradcheck;
+    use crate::conformance::gradcheck;
     use crate::nn::params::Layout;
 
     #[test]

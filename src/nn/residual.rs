@@ -12,8 +12,8 @@ use super::operand::{Matrix, Operand, OperandGradient};
 use super::params::Layout;
 use super::pass::{Backward, Inference, Training};
 use super::saved::{Policy, Saved};
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// What a block saves of its own for backward.

@@ -1,7 +1,7 @@
 //! Parallel work on blocks of rows, and sums over columns in a fixed order.
 
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::simd::elementwise::{self, Combination};
 use crate::simd::{Isa, normalize};
 use std::ops::Range;

@@ -7,9 +7,9 @@ use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::pass::{Backward, Inference, Training};
 use super::rows;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::OctreeLevel;
-use crate::par;
-use crate::scalar::Scalar;
 use std::ops::Range;
 
 /// Nodes per task.
@@ -104,7 +104,7 @@ impl<T: Scalar> Layer<T> for NearestUpsample {
 mod tests {
     use super::super::testing::{forward, octrees, require_adjoint, require_gradients};
     use super::*;
-    use crate::gradcheck::probe;
+    use crate::conformance::gradcheck::probe;
     use crate::nn::params::Layout;
 
     #[test]

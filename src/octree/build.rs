@@ -1,7 +1,8 @@
 //! Construction of an octree: sorts the points by key, then adds depth after depth from the root.
 
 use super::{Cloud, KernelMap, Octree, OctreeLevel, OctreeOptions, key, neighbors};
-use crate::{Error, Result, memory, par};
+use crate::exec::{memory, par};
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 

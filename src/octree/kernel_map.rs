@@ -4,7 +4,7 @@
 //! lists the pairs (input row, output row within the block) that exist, output rows ascending, so
 //! that a missing neighbor costs nothing. The block length depends on the number of rows only.
 
-use crate::par;
+use crate::exec::par;
 use crate::simd::gemm::block::MAX_ROWS as MAX_BLOCK;
 use std::ops::Range;
 

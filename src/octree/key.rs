@@ -69,7 +69,7 @@ pub(crate) fn cell(point: Vec3, depth: usize) -> Option<[u32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// The definition, bit by bit.
     fn interleave(cell: [u32; 3]) -> u64 {

@@ -149,7 +149,7 @@ impl Octree {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
     use std::collections::HashMap;
 
     /// `n` points on a wavy sheet with their normals: a surface, with many empty nodes.
@@ -285,8 +285,9 @@ pub(crate) mod tests {
 
     #[test]
     fn the_order_of_threads_does_not_matter() {
-        let build =
-            |n| crate::par::with_threads(n, || sheets(&[20_000, 5000], &options(7, 2))).unwrap();
+        let build = |n| {
+            crate::exec::par::with_threads(n, || sheets(&[20_000, 5000], &options(7, 2))).unwrap()
+        };
         assert_eq!(build(1), build(4));
     }
 

@@ -1,6 +1,6 @@
 //! Neighbors of every node in constant time, from those of its parent.
 
-use crate::par;
+use crate::exec::par;
 
 /// Nodes per task; any constant in the thousands will do.
 const BLOCK: usize = 2048;

@@ -157,7 +157,8 @@ mod tests {
 
     #[test]
     fn rounding_never_leaves_the_unit_cube() {
-        let mut stream = crate::rng::Stream::new(3, 0, 0, crate::rng::Purpose::Probe);
+        let mut stream =
+            crate::numeric::rng::Stream::new(3, 0, 0, crate::numeric::rng::Purpose::Probe);
         for _ in 0..300 {
             let mut coordinate = || stream.range(-1.0, 1.0) as f32 * 37.7;
             let points: Vec<Vec3> =

@@ -1,7 +1,8 @@
 //! Errors as Python exceptions, and work without the interpreter's lock.
 
 use crate::analysis::{Observer, Progress, Stage};
-use crate::{Error, Result, par};
+use crate::exec::par;
+use crate::{Error, Result};
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;

@@ -2,8 +2,8 @@
 
 use super::errors::{Watch, checked, refused, shown, wrong_type};
 use super::input;
-use crate::directions::{DirectionSet, Directions};
 use crate::geom::units::Unit;
+use crate::tool::directions::{DirectionSet, Directions};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyString};

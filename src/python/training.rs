@@ -9,7 +9,7 @@ use super::part::path_of;
 use crate::access::LabelOptions;
 use crate::answers::Definition;
 use crate::data;
-use crate::directions::Directions;
+use crate::tool::directions::Directions;
 use crate::train::{Checkpoint, EpochRow, Observer, Run, Settings, StepReport};
 use crate::{Error, Result};
 use pyo3::exceptions::PyRuntimeError;

@@ -9,10 +9,11 @@ use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
 use crate::answers::{SiteAnswer, SiteAnswers};
-use crate::cutter::Step;
 use crate::data::files::tools::{Tool, steps_words};
 use crate::geom::units::Unit;
-use crate::{Error, Result, atomic_file, input_file};
+use crate::storage::{atomic_file, input_file};
+use crate::tool::cutter::Step;
+use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Name of the table in a folder of several tools.
@@ -346,7 +347,7 @@ pub(super) const NO_TOOL: Rgb = [206, 58, 44];
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
+    use crate::tool::cutter::CutterParams;
 
     fn tools(n: usize) -> Vec<Tool> {
         let tool =

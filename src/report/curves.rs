@@ -1,7 +1,8 @@
 //! Curves over epochs as SVG.
 
 use super::Rgb;
-use crate::{Error, Result, atomic_file};
+use crate::storage::atomic_file;
+use crate::{Error, Result};
 use plotters::prelude::*;
 use std::ops::Range;
 use std::path::Path;

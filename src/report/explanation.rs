@@ -13,9 +13,9 @@ use crate::access::surface::explain::{
     Change, ChangeKind, DirectionState, Explanation, Outcome, short,
 };
 use crate::answers::{Definition, SiteAnswer};
-use crate::cutter::{Profile, ToolPart};
 use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::steps_words;
+use crate::tool::cutter::{Profile, ToolPart};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 

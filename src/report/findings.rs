@@ -13,12 +13,13 @@ mod together;
 
 use super::memory::{FINDING_JSON_BYTES, PartSize};
 use crate::answers::{SiteAnswer, SiteAnswers};
-use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
+use crate::exec::memory::{product, require};
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, regions, spacing};
-use crate::memory::{product, require};
-use crate::{Error, Result, atomic_file};
+use crate::storage::atomic_file;
+use crate::tool::cutter::ToolPart;
+use crate::{Error, Result};
 pub use advice::ToolChange;
 #[doc(hidden)] // of the page and the program
 pub use advice::{Opening, PartAdvice, openings_words, part_change_words};

@@ -371,9 +371,9 @@ impl Writer<'_> {
 mod tests {
     use super::*;
     use crate::access::Labels;
-    use crate::cutter::CutterParams;
     use crate::data::files::AnalysisSettings;
     use crate::model::Prediction;
+    use crate::tool::cutter::CutterParams;
     use glam::Vec3;
 
     #[test]
@@ -470,7 +470,7 @@ mod tests {
         let new_bytes = read(&paths);
         write(&old).unwrap();
         let old_bytes = read(&paths);
-        let n_steps = crate::atomic_file::faults::at_every_step(
+        let n_steps = crate::storage::atomic_file::faults::at_every_step(
             || write(&new),
             |_| {
                 for (bytes, [old, new]) in

@@ -1,7 +1,8 @@
 //! Images in memory: pixels, text, contact sheets and PNG files.
 
 use super::Rgb;
-use crate::{Error, Result, atomic_file};
+use crate::storage::atomic_file;
+use crate::{Error, Result};
 use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_9X18_BOLD, FONT_10X20};
 use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
 use embedded_graphics::pixelcolor::Rgb888;

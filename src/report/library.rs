@@ -10,7 +10,8 @@ use crate::access::surface::ToolReach;
 use crate::answers::SiteAnswer;
 use crate::data::files::tools::{Tool, thick_and_short_first};
 use crate::geom::units::Unit;
-use crate::{Error, Result, atomic_file};
+use crate::storage::atomic_file;
+use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// What each tool of a library reaches.
@@ -304,8 +305,8 @@ fn staircase(curve: &[(f64, f64)], end: f64) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
     use crate::geom::{Sites, solids};
+    use crate::tool::cutter::CutterParams;
     use glam::{DVec3, Vec3};
 
     fn reach(least: [f64; 4], held: f64) -> ToolReach {

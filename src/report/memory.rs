@@ -2,8 +2,8 @@
 
 use super::raster::{Fragment, Surface};
 use crate::Result;
+use crate::exec::memory::{product, require};
 use crate::geom::{Mesh, Sites};
-use crate::memory::{product, require};
 
 /// The views, the picture and its file.
 const IMAGES_BYTES: u64 = 20 << 20;

@@ -323,7 +323,7 @@ fn draw_axes(image: &mut Image, camera: &Camera, x: i32, y: i32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::exec::par;
     use glam::Vec3;
 
     #[test]

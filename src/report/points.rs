@@ -2,7 +2,9 @@
 
 use super::{Coloring, PartView};
 use crate::answers::SiteAnswer;
-use crate::{Error, Result, atomic_file, memory};
+use crate::exec::memory;
+use crate::storage::atomic_file;
+use crate::{Error, Result};
 use ply_rs_bw::ply::{
     Addable, ElementDef, Encoding, Ply, PropertyAccess, PropertyDef, PropertyType, ScalarType,
 };

@@ -1,8 +1,8 @@
 //! A rasterizer with a depth buffer: which face is visible at each pixel.
 
 use super::camera::Camera;
+use crate::exec::par;
 use crate::geom::{Mesh, Sites};
-use crate::par;
 use glam::{DVec3, Vec3};
 
 /// Faces that meet at less than this angle look smooth: cosine of 35°.

@@ -83,9 +83,9 @@ mod tests {
     use super::*;
     use crate::access::Labels;
     use crate::answers::{SiteAnswer, SiteAnswers};
-    use crate::cutter::CutterParams;
     use crate::data::files::{AnalysisSettings, Provenance};
     use crate::geom::inside::Lattice;
+    use crate::tool::cutter::CutterParams;
     use glam::DVec3;
 
     #[test]

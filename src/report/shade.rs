@@ -4,7 +4,7 @@ use super::Rgb;
 use super::camera::Camera;
 use super::image::Image;
 use super::raster::Fragment;
-use crate::par;
+use crate::exec::par;
 use glam::{DVec3, Vec3};
 
 /// Samples per pixel side.

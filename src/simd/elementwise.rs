@@ -166,7 +166,7 @@ impl Kernel for Scale<'_, f32> {
     }
 }
 
-/// One step of SGD with momentum on some elements of equal number, see [`crate::optim::Sgd::step`].
+/// One step of SGD with momentum on some elements of equal number, see [`crate::learn::optim::Sgd::step`].
 #[derive(Debug)]
 pub struct SgdStep<'a, T> {
     /// Learning rate.

@@ -126,7 +126,7 @@ fn finest_cell(size: DVec3, n: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn every_pair_that_overlaps_meets_in_the_cell_of_its_common_corner() {

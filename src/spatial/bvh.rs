@@ -95,7 +95,7 @@ impl Bvh8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn boxes_touch_their_points_on_every_side() {

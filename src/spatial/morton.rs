@@ -38,7 +38,7 @@ fn gather(bits: u64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn codes_interleave_bits_and_decode() {

@@ -2,7 +2,7 @@
 
 use super::counting_sort::CountingSort;
 use super::morton;
-use crate::par;
+use crate::exec::par;
 use glam::Vec3;
 
 /// Bits of a coordinate in the Z-order, and of a digit of the sort.
@@ -70,7 +70,7 @@ fn split(items: &mut [(Vec3, u32)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn every_point_comes_once_and_runs_are_compact() {

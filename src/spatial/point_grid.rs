@@ -171,7 +171,7 @@ fn square_distance(a: Vec3, b: Vec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     fn clouds() -> Vec<Vec<Vec3>> {
         let mut stream = Stream::new(3, 0, 0, Purpose::Probe);

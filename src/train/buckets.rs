@@ -4,7 +4,7 @@
 //! are joined in one bucket of at least [`BUCKET`] numbers, because each exchange has a latency. Which ranges lie in which bucket
 //! changes no bit: sums are those of single numbers.
 
-use crate::processes::Processes;
+use crate::exec::processes::Processes;
 use std::collections::HashMap;
 use std::ops::Range;
 

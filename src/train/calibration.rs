@@ -7,10 +7,10 @@
 
 use super::evaluate::predict;
 use crate::data::Sample;
-use crate::loss::{check_logits, check_targets};
+use crate::learn::loss::{check_logits, check_targets};
 use crate::model::heads::N_HEADS;
 use crate::model::{Calibration, Model, SiteNetwork};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use crate::{Error, Result};
 
 /// The calibration of each head at which the labels of `samples` are most likely; sets [`Model::calibration`] to it.
@@ -201,7 +201,7 @@ impl Loss {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// Labels drawn with the probabilities of calibrated margins.
     fn drawn(slope: f64, offset: f64) -> Vec<(f64, bool)> {

@@ -4,7 +4,9 @@
 //! metadata hold the settings and the progress as JSON, and the SHA-256 of both and of the vectors.
 
 use super::{Progress, Settings};
-use crate::{Error, Result, atomic_file, input_file, memory};
+use crate::exec::memory;
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;

@@ -5,14 +5,14 @@ use super::reliability::{Bin, Reliability};
 use crate::access::surface::{SurfaceOptions, sites_to_count};
 use crate::access::{LabelOptions, Labeler};
 use crate::answers::SiteAnswers;
-use crate::cutter::Cutter;
 use crate::data::Sample;
-use crate::directions::Directions;
+use crate::exec::processes::{Processes, SingleProcess, share, share_numbers};
+use crate::exec::stopwatch::Stopwatch;
 use crate::geom::spacing;
-use crate::metrics::Confusion;
+use crate::learn::metrics::Confusion;
 use crate::model::{Model, Prediction, SiteNetwork};
-use crate::processes::{Processes, SingleProcess, share, share_numbers};
-use crate::stopwatch::Stopwatch;
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 
 /// Scores of one way to predict, over a list of samples. The positive classes are *inaccessible* and
@@ -345,9 +345,9 @@ impl Evaluation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
+    use crate::exec::processes::tests::Threads;
     use crate::geom::Sites;
-    use crate::processes::tests::Threads;
+    use crate::tool::cutter::CutterParams;
     use glam::Vec3;
     use std::sync::Arc;
 

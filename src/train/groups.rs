@@ -21,7 +21,7 @@
 //!     send own segment to all                                    complete: P (N−1)/N numbers
 //! ```
 
-use crate::processes::{Processes, share};
+use crate::exec::processes::{Processes, share};
 use crate::simd::Isa;
 use crate::simd::elementwise::{self, Combination};
 use std::ops::Range;
@@ -209,9 +209,9 @@ fn are_siblings(n_groups: usize, left: &Range<usize>, right: &Range<usize>) -> b
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::processes::SingleProcess;
-    use crate::processes::tests::Threads;
-    use crate::rng::{Purpose, Stream};
+    use crate::exec::processes::SingleProcess;
+    use crate::exec::processes::tests::Threads;
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// The vector of a group: numbers whose sum depends on the order.
     fn vector(group: usize) -> Vec<f32> {

@@ -64,7 +64,7 @@ val_acc_inaccessible,val_f1_inaccessible,val_acc_occlusion,val_f1_occlusion,seco
 /// If the file cannot be written.
 #[cfg(feature = "formats")]
 pub fn write_csv(path: &std::path::Path, rows: &[EpochRow]) -> crate::Result<()> {
-    crate::atomic_file::write_atomic(path, |file| {
+    crate::storage::atomic_file::write_atomic(path, |file| {
         writeln!(file, "{CSV_HEADER}")?;
         rows.iter().try_for_each(|row| writeln!(file, "{}", row.csv()))
     })

@@ -73,7 +73,7 @@ impl AddAssign for Reliability {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// Margins, and labels drawn with their probabilities.
     fn drawn() -> Vec<(f64, bool)> {

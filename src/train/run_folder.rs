@@ -2,10 +2,11 @@
 
 use super::{Checkpoint, EpochRow, Observer, Run, Settings, StepReport, history, settings_file};
 use crate::data::{Sample, SampleSource};
-use crate::folder_lock::FolderLock;
+use crate::exec::processes::{Processes, SingleProcess, agree};
 use crate::model::weights::{self, Storage};
-use crate::processes::{Processes, SingleProcess, agree};
-use crate::{Error, Result, atomic_file, input_file};
+use crate::storage::folder_lock::FolderLock;
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -3,8 +3,8 @@
 use crate::data::Augment;
 use crate::data::augment::{Elastic, Turn};
 use crate::data::online::OnlineSettings;
+use crate::learn::optim::Schedule;
 use crate::model::{NetworkConfig, UNetConfig};
-use crate::optim::Schedule;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 

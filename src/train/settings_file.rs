@@ -1,7 +1,8 @@
 //! Settings as TOML files, complete or partial over a preset.
 
 use super::Settings;
-use crate::{Error, Result, atomic_file, input_file};
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -70,8 +71,8 @@ pub fn write(path: &Path, settings: &Settings) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::learn::optim::Schedule;
     use crate::model::graph_sage::GraphSageConfig;
-    use crate::optim::Schedule;
 
     fn overlay(base: &Settings, text: &str) -> Result<Settings> {
         let folder = tempfile::tempdir().unwrap();

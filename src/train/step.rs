@@ -15,18 +15,19 @@ use super::buckets::Buckets;
 use super::groups::{self, Groups, PartialSums};
 use super::{Reduction, Run, Settings};
 use crate::data::{Sample, SampleSource};
-use crate::loss::{CrossEntropy, share_loss};
-use crate::metrics::Confusion;
+use crate::exec::memory;
+use crate::exec::par;
+use crate::exec::processes::{Processes, share_numbers};
+use crate::learn::loss::{CrossEntropy, share_loss};
+use crate::learn::metrics::Confusion;
+use crate::learn::optim::Sgd;
 use crate::model::heads::{N_HEADS, SHARE_HEAD};
 use crate::model::{AnyBatch, AnyModel, AnySaved, Domain, Shape, SiteNetwork, TrainingPass};
 use crate::nn::arena::Arena;
-use crate::optim::Sgd;
-use crate::par;
-use crate::processes::{Processes, share_numbers};
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 use crate::simd::Isa;
 use crate::simd::elementwise::scale;
-use crate::{Error, Result, memory};
+use crate::{Error, Result};
 use std::ops::Range;
 
 /// Work space that is kept from step to step.
@@ -86,7 +87,7 @@ pub(super) fn draw(
         let mut stream = Stream::new(settings.seed, epoch, indices[i] as u64, Purpose::Augment);
         Ok(settings.augment.apply(&sample, &mut stream))
     };
-    crate::par::map(indices.len(), one).into_iter().collect()
+    crate::exec::par::map(indices.len(), one).into_iter().collect()
 }
 
 /// Random streams of this process's samples of a step, one for each.
@@ -372,13 +373,13 @@ const CLIP_BLOCK: usize = 1 << 14;
 
 /// Shortens `grads` to Euclidean norm `most`, if longer.
 fn clip(grads: &mut [f32], most: f64) {
-    let squares = crate::par::map_blocks(grads.len(), CLIP_BLOCK, |range| {
+    let squares = crate::exec::par::map_blocks(grads.len(), CLIP_BLOCK, |range| {
         grads[range].iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>()
     });
     let norm = squares.iter().sum::<f64>().sqrt();
     if norm > most {
         let factor = (most / norm) as f32;
-        crate::par::for_each_block(grads, CLIP_BLOCK, |_, block| {
+        crate::exec::par::for_each_block(grads, CLIP_BLOCK, |_, block| {
             scale(Isa::active(), factor, block);
         });
     }
@@ -388,10 +389,10 @@ fn clip(grads: &mut [f32], most: f64) {
 mod tests {
     use super::*;
     use crate::answers::SiteAnswers;
-    use crate::cutter::CutterParams;
+    use crate::exec::processes::SingleProcess;
     use crate::geom::Sites;
     use crate::model::config::CutterConfig;
-    use crate::processes::SingleProcess;
+    use crate::tool::cutter::CutterParams;
     use glam::Vec3;
 
     /// Two parts of different size, labeled by a plane.

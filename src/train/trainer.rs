@@ -1,9 +1,9 @@
 //! The training loop of a network of one's own: any input, heads and loss, with stop and resume.
 
+use crate::learn::optim::{Schedule, Sgd};
 use crate::model::{Model, Network};
 use crate::nn::arena::{Arena, Buffer};
-use crate::optim::{Schedule, Sgd};
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -181,7 +181,7 @@ impl<N: Network<f32>> Trainer<N> {
     /// One step on `batch`; returns the loss.
     ///
     /// `loss` gets the logits of all heads, as [`Network::forward_train`] returns them, and returns the loss with its
-    /// gradients, one vector for each head, as long as its logits; [`CrossEntropy`](crate::loss::CrossEntropy) makes
+    /// gradients, one vector for each head, as long as its logits; [`CrossEntropy`](crate::learn::loss::CrossEntropy) makes
     /// them.
     ///
     /// # Errors

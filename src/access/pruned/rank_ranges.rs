@@ -185,7 +185,7 @@ fn distance_of<S: Simd>(s: S, obstacle: [S::F32; 2], x: &[f32], y: &[f32]) -> S:
 mod tests {
     use super::*;
     use crate::access::pruned::annulus_split::{AnnulusSplit, Word};
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
     use crate::simd::Isa;
 
     const N: usize = 500;

@@ -196,7 +196,7 @@ fn insert_each(places: &mut [(f32, u32)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     /// Ranks found in whole vectors and in a part of one, with each instruction set, and the one found by bisection.
     fn ranks(sorted: &Sorted, z: f32, step: f32) -> Vec<usize> {

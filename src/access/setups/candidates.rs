@@ -5,9 +5,10 @@ use super::turned::{
     ROUNDING_RAD, SAME_RAD, Turned, by_axes, is_better_across, quarters_on, rotary_axes, upright,
     with_sphere,
 };
-use crate::directions::{DirectionSet, Directions, TurnLimits};
+use crate::exec::memory;
 use crate::geom::Mesh;
-use crate::{Error, Result, memory};
+use crate::tool::directions::{DirectionSet, Directions, TurnLimits};
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -1,9 +1,10 @@
 //! Candidates with something that holds them: of an orientation there may be several clampings.
 
 use super::candidates::{Candidate, Candidates};
-use crate::directions::Directions;
+use crate::Result;
+use crate::exec::memory;
 use crate::geom::Sites;
-use crate::{Result, memory};
+use crate::tool::directions::Directions;
 
 impl Candidates {
     /// A candidate for each of these numbers of candidates, in their order, to be tested by itself: each has its own

@@ -1,8 +1,8 @@
 //! Which tool axes a machine can take without clamping again.
 
 use super::kinematics::Kinematics;
-use crate::directions::TurnLimits;
-use crate::directions::rotary::axis_of;
+use crate::tool::directions::TurnLimits;
+use crate::tool::directions::rotary::axis_of;
 use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};

@@ -5,8 +5,9 @@ use super::machine::{DOWN_RAD, LOWEST_MM, angle};
 use super::strokes::{self, Bits};
 use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share, is_weight};
 use crate::access::surface::AccessibleDirections;
+use crate::exec::{memory, par};
 use crate::geom::{Mesh, Sites};
-use crate::{Error, Result, memory, par};
+use crate::{Error, Result};
 use glam::{DMat3, Vec3};
 use serde::{Deserialize, Serialize};
 

@@ -2,9 +2,10 @@
 
 use super::kinematics::Kinematics;
 use super::machine::angle;
-use crate::directions::{DirectionSet, Directions, basis};
+use crate::exec::{memory, par};
 use crate::geom::Mesh;
-use crate::{Error, Result, memory, par};
+use crate::tool::directions::{DirectionSet, Directions, basis};
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

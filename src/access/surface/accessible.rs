@@ -7,11 +7,12 @@ use super::profile::{self, ProfileTool};
 use super::site::SiteState;
 use super::tool::axes;
 use super::verdict::Verdict;
+use crate::Result;
 use crate::access::{CollisionMatrix, Queries};
-use crate::cutter::Cutter;
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 
 /// For one tool: per direction, the sites at which it may stand.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -195,9 +196,9 @@ mod tests {
     use super::*;
     use crate::access::surface::Reached;
     use crate::answers::SiteAnswer;
-    use crate::cutter::CutterParams;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids;
+    use crate::tool::cutter::CutterParams;
 
     #[test]
     fn a_site_is_accessible_where_the_drop_height_says_so() {

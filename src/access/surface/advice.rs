@@ -39,9 +39,9 @@ use super::labels::{SurfaceLabels, SurfaceOptions};
 use super::obstacles::TriangleObstacles;
 use crate::Result;
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, Cutter};
-use crate::directions::Directions;
 use crate::geom::Sites;
+use crate::tool::cutter::{Assembly, Cutter};
+use crate::tool::directions::Directions;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 

@@ -6,8 +6,8 @@
 mod build;
 
 use super::tool::Stand;
+use crate::exec::par;
 use crate::geom::mesh::has_area;
-use crate::par;
 use crate::simd::{Float32, Isa, Kernel, Mask, Simd, Vector};
 use build::{Item, PARALLEL, build};
 use glam::{DVec3, Vec3};

@@ -1,7 +1,7 @@
 //! Cells of directions: spherical triangles that are cut in four.
 
 use super::labels::DEFAULT_LEVELS;
-use crate::directions::{DirectionSet, Directions};
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::{Arc, OnceLock};
@@ -86,7 +86,7 @@ impl Domain {
 
     /// The octants about the axis, cut in four `levels` times, that hold some of its directions.
     pub fn cells(&self, levels: usize) -> Vec<Cell> {
-        let [u, v, w] = crate::directions::basis(self.axis);
+        let [u, v, w] = crate::tool::directions::basis(self.axis);
         let mut cells = Vec::new();
         for up in [w, -w] {
             for [a, b] in [[u, v], [v, -u], [-u, -v], [-v, u]] {

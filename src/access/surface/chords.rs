@@ -2,8 +2,8 @@
 
 use super::facets::{Facet, Facets};
 use super::folds::{Fold, FoldKind, Side, edge, folds, height, smoothness};
+use crate::exec::par;
 use crate::geom::Mesh;
-use crate::par;
 use crate::spatial::CountingSort;
 use glam::{DMat2, DVec2, DVec3};
 use std::collections::BTreeSet;

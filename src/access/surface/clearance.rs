@@ -1,5 +1,5 @@
 //! Signed clearance against triangles: how far the steps that do not cut may grow before a site becomes inaccessible,
-//! as [`Cutter::with_clearance`](crate::cutter::Cutter::with_clearance) grows them; negative: how far all steps must
+//! as [`Cutter::with_clearance`](crate::tool::cutter::Cutter::with_clearance) grows them; negative: how far all steps must
 //! shrink.
 //!
 //! Both only grow with the margin, so one tool after the other is tested. In one direction the greatest `c` at which no
@@ -10,8 +10,8 @@ use super::problem::Problem;
 use super::query::{Probe, Scratch};
 use super::tool::{Stand, axes};
 use super::verdict::Verdict;
-use crate::directions::Directions;
-use crate::par;
+use crate::exec::par;
+use crate::tool::directions::Directions;
 use glam::Vec3;
 
 /// Queries per task.

@@ -60,8 +60,8 @@ use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, tested};
 use crate::Result;
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, ToolPart, require_steps};
-use crate::directions::Directions;
+use crate::tool::cutter::{Assembly, ToolPart, require_steps};
+use crate::tool::directions::Directions;
 use case::{Barrier, Case};
 use glam::{DVec3, Vec3};
 use meet::Points;
@@ -165,7 +165,7 @@ pub struct Witness {
     pub tip_mm: Option<DVec3>,
     /// How far the tool could be lowered until it penetrates, mm: 0 or more; infinite if it meets nothing. Among
     /// points: how far its steps could grow, which is no more than that.
-    #[serde(with = "crate::cutter::infinite")]
+    #[serde(with = "crate::tool::cutter::infinite")]
     pub margin_mm: f64,
 }
 

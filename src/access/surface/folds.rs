@@ -1,7 +1,7 @@
 //! The folds of a mesh: edges that two of its faces share, flat, turning as a curve does, or corners.
 
+use crate::exec::par;
 use crate::geom::Mesh;
-use crate::par;
 use crate::spatial::CountingSort;
 use glam::DVec3;
 

@@ -16,9 +16,9 @@ use super::tool::{Axes, axes};
 use super::verdict::Verdict;
 use crate::Result;
 use crate::access::CollisionMatrix;
-use crate::cutter::Cutter;
-use crate::directions::Directions;
-use crate::par;
+use crate::exec::par;
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 use glam::DVec3;
 
 /// Queries of a task of a search.

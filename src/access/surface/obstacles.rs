@@ -10,11 +10,12 @@ use super::tool::{Contact, Outline};
 use crate::access::{Counted, Extent, Labels, Obstacles, Queries, count_for, occlusion_points};
 use crate::answers::SiteAnswer;
 use crate::answers::n_of_share;
-use crate::cutter::{Cutter, require_steps};
-use crate::directions::Directions;
+use crate::exec::{memory, par};
 use crate::geom::mesh::WITHIN_1_KM;
 use crate::geom::{Mesh, Sites};
-use crate::{Error, Result, memory, par};
+use crate::tool::cutter::{Cutter, require_steps};
+use crate::tool::directions::Directions;
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 
 /// Triangles that a tool must not penetrate: those of the part, then those of fixtures. Triangles without area

@@ -221,7 +221,7 @@ pub(super) fn nearest_above(corners: &[DVec3; 3], height: f64) -> Option<(f64, D
 mod tests {
     use super::super::drop;
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn the_nearest_place_above_a_height_is_on_the_triangle_and_agrees_with_drop_heights() {

@@ -9,11 +9,12 @@ use super::samples;
 use super::surroundings::{PoseBounds, Rings};
 use super::tolerance::Tolerances;
 use super::tool::{Contact, Outline};
+use crate::Result;
 use crate::access::{self, CollisionMatrix, LabelOptions, Obstacles, Queries};
-use crate::cutter::{Cutter, Step};
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::{Cutter, Step};
+use crate::tool::directions::Directions;
 use glam::{DVec3, Vec3};
 
 /// What separates a collision that a point proves from one that is left to the triangles, as a share of all lengths:

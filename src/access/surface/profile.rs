@@ -2,7 +2,7 @@
 //!
 //! # Definition
 //!
-//! The tool is a solid of revolution ([`Profile`](crate::cutter::Profile)), with its holder. In a pose it
+//! The tool is a solid of revolution ([`Profile`](crate::tool::cutter::Profile)), with its holder. In a pose it
 //! **penetrates** a triangle iff some point of that is deeper in the tool than the gouge tolerance τ of the triangle:
 //! farther from everything outside. A pose that penetrates no triangle is **free**.
 //!

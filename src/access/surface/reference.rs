@@ -6,11 +6,12 @@ use super::obstacles::{TriangleObstacles, tested};
 use super::pose::PoseSet;
 use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::{Raise, raise_over};
+use crate::Result;
 use crate::access::Queries;
 use crate::answers::SiteAnswer;
-use crate::cutter::{Cutter, require_steps};
-use crate::directions::Directions;
-use crate::{Result, par};
+use crate::exec::par;
+use crate::tool::cutter::{Cutter, require_steps};
+use crate::tool::directions::Directions;
 use glam::{DVec2, DVec3, Vec3};
 use std::rc::Rc;
 
@@ -173,8 +174,8 @@ fn is_near(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
+    use crate::tool::cutter::CutterParams;
 
     #[test]
     fn what_penetrates_in_some_pose_of_a_cell_is_near_it() {

@@ -7,12 +7,13 @@ use super::tolerance::ContactTolerance;
 use super::tool::{Outline, Stand, axes};
 use super::verdict::Verdict;
 use super::warnings::WIDE_MM;
+use crate::Result;
 use crate::access::Queries;
 use crate::answers::SiteAnswer;
-use crate::cutter::Cutter;
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 
 /// Sites per task.
 const BLOCK: usize = 64;

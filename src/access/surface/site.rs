@@ -14,7 +14,7 @@ use super::problem::{Probes, Problem};
 use super::query::Scratch;
 use super::tool::{Axes, Stand};
 use super::verdict::Verdict;
-use crate::directions::basis;
+use crate::tool::directions::basis;
 use glam::DVec3;
 
 /// Cells of poses are not cut finer than to this share of the finish tolerance.

@@ -16,7 +16,7 @@ use super::bvh::Bvh;
 use super::pose::blockers::Blocker;
 use super::tolerance::Tolerances;
 use super::tool::{OBLIQUE, Outline};
-use crate::directions::basis;
+use crate::tool::directions::basis;
 use glam::{DVec3, dvec3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_8};
 

@@ -7,11 +7,11 @@ use super::{
 };
 use super::{drop, penetrate, raise};
 use crate::answers::SiteAnswer;
-use crate::cutter::{Cutter, CutterParams};
-use crate::directions::{DirectionSet, Directions};
+use crate::exec::par;
 use crate::geom::{Mesh, Sites, solids};
-use crate::par;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
+use crate::tool::cutter::{Cutter, CutterParams};
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::{PI, TAU};
 

@@ -36,7 +36,7 @@ use super::bvh::Bvh;
 use super::chords::Chords;
 use super::tool::Outline;
 use crate::Result;
-use crate::par;
+use crate::exec::par;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! The cutter shrunk by the contact tolerance, and where it stands.
 
-use crate::cutter::{Cutter, Step};
-use crate::directions::basis;
+use crate::tool::cutter::{Cutter, Step};
+use crate::tool::directions::basis;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3, Vec3};
 

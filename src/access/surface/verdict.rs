@@ -2,9 +2,9 @@
 
 use super::drop;
 use super::tool::{Outline, Stand, axes};
-use crate::cutter::{Cutter, require_steps};
 use crate::geom::Mesh;
 use crate::geom::mesh::WITHIN_1_KM;
+use crate::tool::cutter::{Cutter, require_steps};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 

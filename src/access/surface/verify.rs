@@ -3,12 +3,13 @@
 use super::labels::SurfaceOptions;
 use super::obstacles::{TriangleObstacles, count_beta};
 use super::tool::Outline;
+use crate::Result;
 use crate::access::Counted;
 use crate::answers::{SiteAnswer, SiteAnswers, SpotCheck, SpotChecked, mark_top_share, of_sites};
-use crate::cutter::Cutter;
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::Cutter;
+use crate::tool::directions::Directions;
 use serde::{Deserialize, Serialize};
 
 /// Answers of which some are computed and the others predicted.

@@ -6,8 +6,8 @@ use super::obstacles::TriangleObstacles;
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::Outline;
 use crate::Result;
-use crate::cutter::{Cutter, Profile};
 use crate::geom::{Mesh, Sites};
+use crate::tool::cutter::{Cutter, Profile};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -323,9 +323,9 @@ mod tests {
     use super::super::{FINISH_MM, SurfaceOptions, SurfaceStats};
     use super::*;
     use crate::answers::SiteAnswer;
-    use crate::directions::Directions;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids;
+    use crate::tool::directions::Directions;
     use glam::{DVec3, dvec3};
 
     fn warnings(mesh: &Mesh, n_sites: usize, cr: f64, tolerance: ContactTolerance) -> Vec<Warning> {

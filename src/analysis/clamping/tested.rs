@@ -6,8 +6,8 @@ use crate::access::setups::Candidates;
 use crate::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use crate::analysis::observer::{Observer, Stage, report};
 use crate::data::files::tools::Tool;
-use crate::directions::Directions;
 use crate::geom::{Mesh, Sites};
+use crate::tool::directions::Directions;
 use std::time::Instant;
 
 /// What is tested: tools at sites.

@@ -7,14 +7,14 @@ use super::{
 use crate::access::surface::{SurfaceOptions, TriangleObstacles};
 use crate::access::{self, Extent, LabelOptions, Labeler, Obstacles};
 use crate::answers::{Definition, SiteAnswers};
-use crate::cutter::{Cutter, CutterParams};
 use crate::data::generated;
 use crate::data::volume::{Volume, VolumeObstacles};
-use crate::directions::Directions;
-use crate::folder_lock::FolderLock;
 use crate::geom::sites::SiteOptions;
 use crate::geom::{self, Mesh, Sites, check, formats, origin, sites};
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
+use crate::storage::folder_lock::FolderLock;
+use crate::tool::cutter::{Cutter, CutterParams};
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -353,13 +353,13 @@ pub fn scale_to_min_edge(mesh: &mut Mesh, min_edge_mm: Option<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::atomic_file::faults;
     use crate::data::dataset::Dataset;
     use crate::geom::solids::cuboid;
+    use crate::storage::atomic_file::faults;
     use glam::DVec3;
 
     fn settings() -> DatasetSettings {
-        let directions = crate::directions::DirectionSet::FibonacciHemisphere { n_dirs: 5 };
+        let directions = crate::tool::directions::DirectionSet::FibonacciHemisphere { n_dirs: 5 };
         DatasetSettings { n_sites: 30, directions, ..DatasetSettings::default() }
     }
 

@@ -5,7 +5,7 @@ use super::manifest::{FORMAT, MANIFEST, write_json};
 use super::{DatasetSettings, LabeledPart, Manifest, PartRecord, Split};
 use crate::answers::SiteAnswers;
 use crate::data::Sample;
-use crate::folder_lock::FolderLock;
+use crate::storage::folder_lock::FolderLock;
 use crate::{Error, Result};
 use std::path::Path;
 

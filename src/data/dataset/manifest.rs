@@ -3,11 +3,12 @@
 use crate::access::surface::tested;
 use crate::access::{BOTTOM_MM, LabelOptions};
 use crate::answers::{Definition, Rounding};
-use crate::cutter::{CutterParams, CutterSet};
 use crate::data::online::is_size_range;
-use crate::directions::{DirectionSet, Directions};
 use crate::geom::sites::MAX_SITES;
-use crate::{Error, Result, atomic_file, input_file};
+use crate::storage::{atomic_file, input_file};
+use crate::tool::cutter::{CutterParams, CutterSet};
+use crate::tool::directions::{DirectionSet, Directions};
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Component, Path};
 

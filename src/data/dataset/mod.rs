@@ -17,13 +17,15 @@ pub use manifest::Split;
 pub use manifest::{CutterRecord, DatasetSettings, Manifest, PartRecord};
 
 use crate::answers::SiteAnswers;
-use crate::cutter::CutterParams;
 use crate::data::Sample;
 use crate::data::files::hash;
 use crate::data::npz::{NpzReader, NpzWriter};
+use crate::exec::memory;
 use crate::geom::Sites;
 use crate::geom::sites::check_points;
-use crate::{Error, Result, input_file, memory};
+use crate::storage::input_file;
+use crate::tool::cutter::CutterParams;
+use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -83,7 +85,7 @@ impl Dataset {
         let needed = wanted.iter().map(|part| bytes_of(part)).fold(0, u64::saturating_add);
         let remedy = "take fewer data sets or parts at once, or fewer sites";
         memory::require("the samples of the data set", needed, remedy)?;
-        let read = crate::par::map(wanted.len(), |i| self.part_samples(wanted[i]));
+        let read = crate::exec::par::map(wanted.len(), |i| self.part_samples(wanted[i]));
         let mut samples = Vec::new();
         for part in read {
             samples.extend(part?);

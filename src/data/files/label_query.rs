@@ -14,10 +14,11 @@ use crate::access::surface::explain::{Explanation, Query, Remedies, explain_amon
 use crate::access::surface::{PartChange, SurfaceOptions, TriangleObstacles, WitnessPose};
 use crate::access::{self, LabelOptions, Obstacles, Queries, bottom_sites};
 use crate::answers::{Definition, SiteAnswer};
-use crate::directions::Directions;
 use crate::geom::sites::nearest_in_triangle;
 use crate::geom::{Mesh, Sites};
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::tool::directions::Directions;
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use stated::{LABEL_AGAIN, Stated};
 use std::path::Path;

@@ -4,7 +4,8 @@
 mod freecad;
 
 use crate::access::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Deserialize;
 use std::ops::Range;

@@ -7,9 +7,11 @@
 use super::{Provenance, open, start, vertices};
 use crate::access::CollisionMatrix;
 use crate::access::surface::AccessibleDirections;
+use crate::exec::memory;
 use crate::geom::Sites;
 use crate::geom::file_vertices::SiteVertices;
-use crate::{Error, Result, atomic_file, input_file, memory};
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use glam::Vec3;
 use serde_json::json;
 use std::path::Path;

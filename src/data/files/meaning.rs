@@ -1,6 +1,6 @@
 //! What the arrays of labels mean, in the words of their metadata.
 
-use crate::cutter::CutterParams;
+use crate::tool::cutter::CutterParams;
 use serde_json::{Value, json};
 
 pub(super) const RETREAT_UNPROVEN: &str = "true: a pose of the tool is free there, but no retreat from one is proven; of tools given by a profile, whose directions are not counted";

@@ -11,10 +11,11 @@
 
 use super::super::sample::Sample;
 use crate::answers::SiteAnswers;
-use crate::cutter::CutterParams;
 use crate::geom::Sites;
 use crate::octree::Normalization;
-use crate::{Error, Result, atomic_file, input_file};
+use crate::storage::{atomic_file, input_file};
+use crate::tool::cutter::CutterParams;
+use crate::{Error, Result};
 use glam::Vec3;
 use std::collections::HashSet;
 use std::io::{self, Write};

@@ -3,7 +3,8 @@
 
 use super::matrix::truth;
 use crate::geom::file_vertices::SiteVertices;
-use crate::{Error, Result, atomic_file, input_file};
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use std::path::Path;
 
 /// Per vertex of the part's file, whether the tool reaches the site there; not where no site is.

@@ -6,8 +6,8 @@ pub use tool::ToolSettings;
 
 use crate::access::surface::Warning;
 use crate::answers::{CONFIDENCE, Definition, Rounding};
-use crate::directions::DirectionSet;
 use crate::geom::Mesh;
+use crate::tool::directions::DirectionSet;
 use crate::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde::ser::{Error as _, Serializer};
@@ -368,8 +368,8 @@ impl Keys<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::CutterParams;
     use crate::data::files::tools::Tool;
+    use crate::tool::cutter::CutterParams;
     use serde_json::json;
 
     fn read(value: &Value) -> Result<AnalysisSettings> {

@@ -35,9 +35,9 @@ mod unpack;
 mod words;
 
 use super::ball_end_words;
-use crate::cutter::{Assembly, Cutter, CutterParams, Step};
 use crate::geom::units::Unit;
 use crate::geom::units::length::tidy;
+use crate::tool::cutter::{Assembly, Cutter, CutterParams, Step};
 use crate::{Error, Result};
 use names::{folder_name, in_one_line};
 use serde::{Deserialize, Serialize};

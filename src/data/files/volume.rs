@@ -293,8 +293,8 @@ mod tests {
     use super::*;
     use crate::access::surface::WitnessPose;
     use crate::answers::SiteAnswers;
-    use crate::cutter::CutterParams;
     use crate::data::files::AnalysisSettings;
+    use crate::tool::cutter::CutterParams;
 
     #[test]
     fn what_is_written_is_read() {

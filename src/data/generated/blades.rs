@@ -6,7 +6,7 @@ use super::outline::{Outline, polar};
 use super::solid::Solid;
 use super::turned::{cut_around, put_around};
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 

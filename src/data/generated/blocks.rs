@@ -3,7 +3,7 @@
 use super::outline::Outline;
 use super::solid::Solid;
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 
 /// How far cutting bodies reach past the surface, mm.
 pub(super) const OVER: f64 = 1.0;

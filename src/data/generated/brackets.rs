@@ -4,7 +4,7 @@ use super::blocks::{OVER, counterbore};
 use super::outline::{Outline, polar};
 use super::solid::Solid;
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// The convex outline around two circles: of radius `a` at the origin and `b` at (`length`, 0).

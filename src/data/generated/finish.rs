@@ -3,7 +3,7 @@
 use super::solid::Solid;
 use crate::geom::check::{self, Fault};
 use crate::geom::{Mesh, intersect, weld};
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
 

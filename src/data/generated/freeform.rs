@@ -3,7 +3,7 @@
 use super::outline::{Outline, polar};
 use super::solid::Solid;
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use glam::DVec3;
 use std::f64::consts::TAU;
 

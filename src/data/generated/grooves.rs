@@ -4,7 +4,7 @@ use super::blocks::{OVER, Stock, counterbore};
 use super::outline::Outline;
 use super::solid::Solid;
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 
 /// A T-shaped groove along y, `length` long, hanging from `top`.
 fn t_groove(random: &mut Stream, neck: f64, depth: f64, length: f64, top: f64) -> Solid {

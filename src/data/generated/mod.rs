@@ -31,7 +31,7 @@ pub use demo::demo_part;
 pub use family::Family;
 
 use crate::geom::Mesh;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 use glam::DMat3;
 
 /// Draws of one part before the recipe itself must be wrong.
@@ -108,8 +108,8 @@ fn whole(random: &mut Stream, low: usize, high: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exec::par;
     use crate::geom::check::{self, Fault};
-    use crate::par;
 
     const N_SEEDS: u64 = 3;
 

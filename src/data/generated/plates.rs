@@ -4,7 +4,7 @@ use super::blocks::{OVER, Stock};
 use super::outline::{Outline, polar};
 use super::solid::Solid;
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use glam::DVec2;
 use std::f64::consts::TAU;
 

@@ -5,7 +5,7 @@ use super::outline::{Outline, polar};
 use super::solid::Solid;
 use super::whole;
 use crate::geom::Mesh;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use glam::DVec3;
 use std::f64::consts::TAU;
 

@@ -5,7 +5,7 @@ use super::outline::Outline;
 use super::solid::Solid;
 use super::turned::cut_around;
 use super::whole;
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 pub(super) fn enclosure(random: &mut Stream) -> Solid {

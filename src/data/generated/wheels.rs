@@ -3,7 +3,7 @@
 use super::outline::{Outline, polar};
 use super::solid::Solid;
 use super::{freeform, whole};
-use crate::rng::Stream;
+use crate::numeric::rng::Stream;
 use std::f64::consts::TAU;
 
 /// The outline of a spur gear: `n` trapezoidal teeth between `root` and `tip` mm.

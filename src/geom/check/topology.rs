@@ -2,9 +2,9 @@
 //!
 //! Triangles that use a corner twice have no sides to meet others at and are left out.
 
+use crate::exec::par;
 use crate::geom::Mesh;
 use crate::geom::weld::{join, root};
-use crate::par;
 
 /// One side of one triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

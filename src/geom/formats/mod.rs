@@ -21,7 +21,9 @@ pub use format::Format;
 
 use super::file_vertices::FileVertices;
 use super::{Mesh, Sites, weld};
-use crate::{Error, Result, atomic_file, input_file, memory};
+use crate::exec::memory;
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use std::path::Path;
 

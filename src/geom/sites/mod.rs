@@ -20,8 +20,9 @@ mod sheet;
 mod start;
 mod surface;
 
+use crate::exec::{memory, par};
 use crate::geom::Mesh;
-use crate::{Error, Result, memory, par};
+use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 pub(crate) use sheet::OPPOSITE;
@@ -188,7 +189,7 @@ impl AsRef<Sites> for Sites {
 pub struct SiteOptions {
     /// Number of sites, at least 1.
     pub n_sites: usize,
-    /// Seed of the random stream (purpose [`Sites`](crate::rng::Purpose::Sites)).
+    /// Seed of the random stream (purpose [`Sites`](crate::numeric::rng::Purpose::Sites)).
     pub seed: u64,
     /// Which normal each site carries.
     pub normals: Normals,
@@ -311,9 +312,9 @@ pub fn at_vertices(mesh: &Mesh, normals: VertexNormals) -> Result<(Sites, Vec<u3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exec::par;
     use crate::geom::solids::{cuboid, torus};
     use crate::geom::spacing::Spacing;
-    use crate::par;
     use glam::{DVec3, dvec3};
     use proptest::prelude::*;
 

@@ -8,7 +8,7 @@
 
 use super::sheet::same_sheet;
 use super::surface::{Place, Surface};
-use crate::par;
+use crate::exec::par;
 use crate::spatial::KdTree;
 use glam::DVec3;
 

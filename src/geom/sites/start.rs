@@ -1,8 +1,8 @@
 //! Start of the relaxation: points of equal area along a space-filling order of the faces.
 
 use super::surface::{Place, Surface};
-use crate::par;
-use crate::rng::{Purpose, Stream};
+use crate::exec::par;
+use crate::numeric::rng::{Purpose, Stream};
 use crate::spatial::morton;
 use glam::DVec3;
 

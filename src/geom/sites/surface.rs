@@ -1,9 +1,10 @@
 //! A mesh prepared for walking on it: face normals and which face lies across which edge.
 
 use super::sheet::OPPOSITE;
+use crate::exec::par;
 use crate::geom::Mesh;
 use crate::geom::mesh::WITHIN_1_KM;
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use glam::DVec3;
 
 /// No way across an edge: it is open, non-manifold, inconsistently oriented or sharper than 37°

@@ -16,9 +16,10 @@ use super::predict::{AnyModel, Model};
 use super::prediction::{Calibration, INACCESSIBLE_CLASS, OCCLUSION_CLASS};
 use super::site_network::{AnyNetwork, SiteNetwork};
 use crate::answers::Definition;
+use crate::exec::memory;
 use crate::nn::params::{Entry, Layout};
-use crate::scalar::Scalar;
-use crate::{Error, Result, memory};
+use crate::numeric::scalar::Scalar;
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -405,7 +406,7 @@ mod tests {
 
     #[test]
     fn files_with_changed_bytes_are_read_or_refused() {
-        use crate::rng::{Purpose, Stream};
+        use crate::numeric::rng::{Purpose, Stream};
         let whole = to_bytes(&model(|_| ()), Storage::Exact, "");
         let header = u64::from_le_bytes(whole[..8].try_into().unwrap()) as usize;
         let mut stream = Stream::new(1, 0, 0, Purpose::Probe);

@@ -4,7 +4,7 @@ use super::tensors::{Tensor, TensorFile};
 use super::{Storage, compare_names, gather, require_memory, store};
 use crate::model::{Model, Network};
 use crate::nn::params::{Entry, Layout};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -87,8 +87,8 @@ pub(crate) fn velocity_layout(layout: &Layout) -> Result<Layout> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::atomic_file::faults::at_every_step;
     use crate::model::{UNet, UNetConfig};
+    use crate::storage::atomic_file::faults::at_every_step;
 
     /// A model is written and read back.
     fn again<T: Scalar>(path: &Path) -> [Vec<u64>; 2] {

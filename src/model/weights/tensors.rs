@@ -1,6 +1,8 @@
 //! Named tensors, and reading and writing them as safetensors.
 
-use crate::{Error, Result, atomic_file, input_file, memory};
+use crate::exec::memory;
+use crate::storage::{atomic_file, input_file};
+use crate::{Error, Result};
 use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use std::collections::{BTreeMap, HashMap};

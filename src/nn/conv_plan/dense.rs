@@ -3,8 +3,8 @@
 use super::super::arena::Arena;
 use super::super::rows::{self, BLOCK_ROWS};
 use super::product::{Product, Term};
-use crate::par;
-use crate::scalar::Scalar;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::gemm::{identity, matmul_rows, matmul_tn_rows};
 

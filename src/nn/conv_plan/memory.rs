@@ -3,7 +3,7 @@
 
 use super::super::rows;
 use super::{packed, weight_gradient, winograd};
-use crate::memory::product;
+use crate::exec::memory::product;
 use crate::simd::gemm::winograd::N_FREQUENCIES;
 
 /// The shape of a linear operator: rows, columns, kernel offsets.

@@ -1,7 +1,7 @@
 //! Weights packed for a kernel, in the arena's memory.
 
 use super::super::arena::{Arena, Buffer};
-use crate::scalar::Scalar;
+use crate::numeric::scalar::Scalar;
 use crate::simd::gemm::weights::{Packed, Weights};
 
 /// Widest panel in use, and numbers to skip to the begin of a cache line.

@@ -2,8 +2,8 @@
 
 use super::super::arena::Buffer;
 use super::super::column_norm::Epilogue;
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::scalar::Scalar;
 use crate::simd::gemm::weights::Weights;
 use std::ops::Range;
 

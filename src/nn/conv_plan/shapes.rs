@@ -7,9 +7,9 @@
 
 use super::super::arena::{Arena, Buffer};
 use super::super::rows;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::par;
-use crate::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::elementwise::{self, Combination};
 use crate::simd::gemm::block::{self, WeightSource};

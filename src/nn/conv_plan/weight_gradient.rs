@@ -3,9 +3,9 @@
 use super::super::arena::Arena;
 use super::super::rows;
 use super::product::OuterProduct;
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::par;
-use crate::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::gemm::matmul_tn_rows;
 use std::ops::Range;
@@ -71,7 +71,7 @@ mod tests {
     use super::super::ConvPlan;
     use super::super::product::RowMap;
     use super::*;
-    use crate::gradcheck;
+    use crate::conformance::gradcheck;
     use crate::nn::testing::large_octree;
 
     #[test]

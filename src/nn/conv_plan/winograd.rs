@@ -8,9 +8,9 @@ use super::super::rows;
 use super::super::scratch::ScratchGuard;
 use super::packed::PackedWeights;
 use super::product::{OuterProduct, Product, Term};
+use crate::exec::par;
+use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
-use crate::par;
-use crate::scalar::Scalar;
 use crate::simd::Isa;
 use crate::simd::gemm::matmul_tn_rows;
 use crate::simd::gemm::winograd::{

@@ -2,10 +2,10 @@
 
 use super::shape::Shape;
 use super::{About, answer_words, short, triple};
-use crate::cutter::{Assembly, ToolPart};
 use crate::geom::Mesh;
 use crate::report::Rgb;
 use crate::report::image::{Font, Image, fitted};
+use crate::tool::cutter::{Assembly, ToolPart};
 use glam::{DVec2, DVec3, dvec2};
 
 const PANEL: [u32; 2] = [700, 640];

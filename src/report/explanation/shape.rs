@@ -1,6 +1,6 @@
 //! The tool in a picture: which part of it holds a place.
 
-use crate::cutter::{Assembly, Profile, Step, ToolPart};
+use crate::tool::cutter::{Assembly, Profile, Step, ToolPart};
 
 /// Radius over height of a tool, above its reference point.
 pub(super) enum Shape {
@@ -82,7 +82,7 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::Section;
+    use crate::tool::cutter::Section;
 
     #[test]
     fn a_profile_is_shown_as_narrow_as_it_is() {

@@ -2,7 +2,7 @@
 
 use crate::data::files::Provenance;
 use crate::data::files::settings::Blocking;
-use crate::directions::DirectionSet;
+use crate::tool::directions::DirectionSet;
 
 /// Directions, obstacles beyond the part and warnings in a line for a picture.
 pub fn setup(provenance: &Provenance) -> String {

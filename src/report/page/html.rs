@@ -2,11 +2,11 @@
 
 use super::view::REST;
 use super::{Page, View};
-use crate::cutter::ToolPart;
 use crate::data::files::Provenance;
 use crate::geom::units::Unit;
 use crate::report::findings::{Findings, openings_words};
 use crate::report::tables::{Cell, Table};
+use crate::tool::cutter::ToolPart;
 use serde_json::Value;
 use std::fmt::Write;
 

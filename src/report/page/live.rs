@@ -1,10 +1,11 @@
 //! A page that stays open while its part is edited: versions of it, and what changed from one to the next.
 
 use super::{Page, View};
+use crate::Result;
+use crate::exec::par;
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites};
 use crate::spatial::PointGrid;
-use crate::{Result, par};
 use glam::DVec3;
 
 /// A site has a new answer if no site of the version before has its answer within so many spacings: what moved less

@@ -18,7 +18,8 @@ use crate::geom::spacing::{Spacing, areas_on};
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, check};
 use crate::report::memory::PartSize;
-use crate::{Error, Result, atomic_file};
+use crate::storage::atomic_file;
+use crate::{Error, Result};
 use glam::DVec3;
 use pack::{Block, Grid};
 use serde_json::{Value, json};
@@ -222,13 +223,13 @@ fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
 mod tests {
     use super::*;
     use crate::answers::SiteAnswers;
-    use crate::cutter::CutterParams;
     use crate::data::files::settings::{PartSettings, StatedWarning};
     use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids::cuboid;
     use crate::model::Prediction;
     use crate::report::findings::Findings;
+    use crate::tool::cutter::CutterParams;
 
     const HOSTILE: &str = "a</script><script>alert(1)</script>\"'<b>&amp;<!--";
 

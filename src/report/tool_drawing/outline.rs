@@ -1,7 +1,7 @@
 //! The right half of a tool's outline, from the tip upward.
 
-use crate::cutter::{Assembly, Step};
 use crate::data::files::tools::Tool;
+use crate::tool::cutter::{Assembly, Step};
 
 /// What a part of the tool is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -144,7 +144,7 @@ fn lines(from: [f64; 2], section: &Section, off: f64) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::{Assembly, Section as Length};
+    use crate::tool::cutter::{Assembly, Section as Length};
 
     fn profile(words: &str) -> Solid {
         let holder = [Length::cylinder(30.0, 20.0)];

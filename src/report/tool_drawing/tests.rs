@@ -3,7 +3,7 @@ use crate::data::files::tools::{Holder, MissingParameters, from_bytes};
 use proptest::prelude::*;
 
 fn drawn(row: &str) -> (String, Tool) {
-    let sections = vec![crate::cutter::Section::cylinder(40.0, 15.0)];
+    let sections = vec![crate::tool::cutter::Section::cylinder(40.0, 15.0)];
     let holder = Some(Holder { name: "ER20".into(), sections });
     let defaults = MissingParameters { holder, ..MissingParameters::default() };
     let text =

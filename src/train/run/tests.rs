@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::answers::SiteAnswers;
+use crate::exec::processes::tests::Threads;
 use crate::geom::Sites;
-use crate::processes::tests::Threads;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 use glam::Vec3;
 
 /// Parts of different size, labeled by a plane.

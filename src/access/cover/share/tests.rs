@@ -1,5 +1,5 @@
 use super::*;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
 
 #[test]
 fn covers_of_a_share_are_as_small_as_by_trying_all() {

@@ -132,7 +132,7 @@ fn greater_of_each<S: Simd>(s: S, a: &[u16], b: &[u16], to: &mut [u16]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
     use crate::simd::{Isa, Kernel};
 
     struct Greatest<'a>(&'a [u16], usize, &'a HalfWidths);

@@ -327,7 +327,7 @@ fn size([width, depth]: [f64; 2], radius: f64, n_points: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Purpose, Stream};
+    use crate::numeric::rng::{Purpose, Stream};
     use crate::simd::{Isa, Kernel};
 
     /// Per query: whether the rasters call it hit, and collision-free, and whether the cells around hold a collision, tested

@@ -1,5 +1,5 @@
 use super::*;
-use crate::directions::{DirectionSet, Directions};
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::dvec3;
 
 type Axis = (char, Carrier, [f64; 3], Option<[f64; 2]>);

@@ -2,9 +2,10 @@
 
 use super::ball::Rolled;
 use super::{PartChange, PartLength, Region, rounded};
+use crate::Result;
 use crate::access::surface::tool::Outline;
-use crate::directions::{DirectionSet, Directions};
-use crate::{Result, par};
+use crate::exec::par;
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::DVec3;
 
 /// Sites whose corners differ by less than this, mm, have one radius.

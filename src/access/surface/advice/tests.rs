@@ -85,7 +85,7 @@ fn advice(mesh: &Mesh, tool: &Assembly, n_sites: usize) -> (Vec<PartChange>, f64
 }
 
 fn tool(radius_mm: f64, corner_mm: f64, stick_out_mm: f64) -> Assembly {
-    use crate::cutter::{Section, TipShape};
+    use crate::tool::cutter::{Section, TipShape};
     let tip = TipShape::Straight { radius_mm, corner_mm };
     let body = [Section::cylinder(80.0, radius_mm)];
     Assembly::new(tip, &body, &[Section::cylinder(30.0, 15.0)], stick_out_mm).unwrap()
@@ -232,7 +232,7 @@ fn a_bore_of_four_needs_six_for_a_mill_of_six() {
 fn the_same_with_any_number_of_threads() {
     let mesh = groove(10.0, 10.0, 1.0);
     let of = |n: usize| {
-        crate::par::with_threads(n, || advice(&mesh, &tool(2.0, 2.0, 40.0), 3000)).unwrap()
+        crate::exec::par::with_threads(n, || advice(&mesh, &tool(2.0, 2.0, 40.0), 3000)).unwrap()
     };
     assert_eq!(of(1), of(3));
 }

@@ -1,8 +1,8 @@
 //! How thick a part is at its sites.
 
 use crate::access::surface::obstacles::TriangleObstacles;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::par;
 
 /// Faces are two sides of a wall where their normals are within this of opposite, as a cosine: 20 degrees.
 const OPPOSITE: f64 = 0.94;

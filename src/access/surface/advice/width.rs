@@ -1,10 +1,11 @@
 //! Slots and bores that are too narrow for the tool.
 
 use super::{PartChange, PartLength, Region, rounded};
+use crate::Result;
 use crate::access::surface::tolerance::LEAST_MM;
 use crate::access::surface::tool::axes;
 use crate::answers::SiteAnswer;
-use crate::{Result, par};
+use crate::exec::par;
 use glam::DVec3;
 use std::f64::consts::{SQRT_2, TAU};
 

@@ -2,7 +2,7 @@
 //! bounding volume hierarchies).
 
 use super::{LEAF, Node, WIDTH};
-use crate::par;
+use crate::exec::par;
 use crate::spatial::each;
 use glam::{DVec3, Vec3};
 

@@ -2,6 +2,7 @@
 
 use super::meet::{self, Meeting, Points, ShrunkTool};
 use super::{Blocked, DirectionState, Explanation, MOST_CLEARANCE_MM, Outcome, Query, Witness};
+use crate::Result;
 use crate::access::surface::labels::{RefinementOptions, SurfaceOptions, WitnessPose};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::surface::query::Scratch;
@@ -10,10 +11,10 @@ use crate::access::surface::tool::{Outline, Stand, axes};
 use crate::access::surface::verdict::{Raise, raise_over};
 use crate::access::{Engine, LabelOptions, Obstacles, Queries, label};
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, Cutter, ToolPart};
-use crate::directions::{DirectionSet, Directions};
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::{Assembly, Cutter, ToolPart};
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::Vec3;
 
 /// One direction alone.
@@ -199,7 +200,7 @@ impl Case<'_> {
     /// The tool's steps by part, shrunk, and its outline.
     pub fn parted(&self, tool: &Assembly, tolerance: f64) -> Result<(ShrunkTool, Outline)> {
         let outline = Outline::new(&self.cutter(tool)?, self.query.options.finish_mm);
-        let shrink = |(part, step): (ToolPart, crate::cutter::Step)| {
+        let shrink = |(part, step): (ToolPart, crate::tool::cutter::Step)| {
             let radius = (step.radius_mm - tolerance).max(0.0);
             (part, [step.height_mm + tolerance, radius])
         };

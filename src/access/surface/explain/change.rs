@@ -4,7 +4,7 @@ use super::Stopped;
 use super::case::{Between, Case};
 use super::meet::{Meeting, ShrunkTool};
 use super::remedies::diameter;
-use crate::cutter::{Assembly, ToolPart};
+use crate::tool::cutter::{Assembly, ToolPart};
 use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};

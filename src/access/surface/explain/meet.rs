@@ -6,7 +6,7 @@ use crate::access::surface::penetrate::{is_clear_of_tip, nearest_above};
 use crate::access::surface::problem::Problem;
 use crate::access::surface::query::{Scratch, from_box};
 use crate::access::surface::tool::{Contact, Outline, Stand, Tip, across, axes};
-use crate::cutter::ToolPart;
+use crate::tool::cutter::ToolPart;
 use glam::{DVec3, Vec3};
 
 /// A tool as it is tested: shrunk steps above the reference point, with their parts.

@@ -12,7 +12,7 @@ use crate::Result;
 use crate::access::Queries;
 use crate::access::surface::labels::{SurfaceOptions, WitnessPose};
 use crate::access::surface::tolerance::ContactTolerance;
-use crate::cutter::{Assembly, ToolPart};
+use crate::tool::cutter::{Assembly, ToolPart};
 use serde::{Deserialize, Serialize};
 
 /// A pose in which a tool touches a site and is not free.

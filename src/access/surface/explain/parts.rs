@@ -19,9 +19,9 @@ use crate::access::surface::labels::{SurfaceLabels, SurfaceOptions};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::{LabelOptions, Obstacles, Queries, label_many};
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, Cutter, ToolPart};
-use crate::directions::Directions;
 use crate::geom::Sites;
+use crate::tool::cutter::{Assembly, Cutter, ToolPart};
+use crate::tool::directions::Directions;
 use crate::{Error, Result};
 
 /// Parts whose absence is tried, from above.

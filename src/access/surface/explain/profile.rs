@@ -17,10 +17,11 @@ use crate::access::surface::profile::{
 };
 use crate::access::surface::tool::Contact;
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, Cutter, Profile};
-use crate::directions::{DirectionSet, Directions};
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Error, Result, par};
+use crate::tool::cutter::{Assembly, Cutter, Profile};
+use crate::tool::directions::{DirectionSet, Directions};
+use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 
 /// A site, and a tool given by its profile.

@@ -12,7 +12,7 @@ use super::profile::ProfileCase;
 use super::remedies::diameter;
 use super::{Change, ChangeKind, Remedies, Stopped};
 use crate::Result;
-use crate::cutter::{Assembly, Profile, ToolPart};
+use crate::tool::cutter::{Assembly, Profile, ToolPart};
 
 /// Amounts are multiples of this, mm.
 const PER_MM: f64 = 100.0;

@@ -11,13 +11,14 @@ use super::case::{Barrier, Between, Case};
 use super::profile::ProfileCase;
 use super::remedies::diameter;
 use super::{Blocked, Change, ChangeKind, Query, Remedies, Stopped};
+use crate::Result;
 use crate::access::surface::labels::SurfaceOptions;
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, ToolPart};
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::{Assembly, ToolPart};
+use crate::tool::directions::Directions;
 use glam::Vec3;
 
 /// A change of the tool, and what of a region it reaches.

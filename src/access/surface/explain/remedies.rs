@@ -7,7 +7,7 @@
 //! stick-out:                    at most the overall length, where that is stated
 //! ```
 
-use crate::cutter::{Assembly, ToolPart};
+use crate::tool::cutter::{Assembly, ToolPart};
 use serde::{Deserialize, Serialize};
 
 /// What a proposed tool must keep.
@@ -160,7 +160,7 @@ fn slenderness(tool: &Assembly) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::Step;
+    use crate::tool::cutter::Step;
 
     fn tool(radius: f64, stick_out: f64, shank: Option<Step>) -> Assembly {
         let step = |height_mm, radius_mm| Step { height_mm, radius_mm };

@@ -6,8 +6,8 @@ use super::super::labels::WitnessPose;
 use super::super::problem::Problem;
 use super::super::query::{Scratch, from_box};
 use super::super::tool::{Stand, axes};
-use crate::cutter::Assembly;
-use crate::par;
+use crate::exec::par;
+use crate::tool::cutter::Assembly;
 use glam::Vec3;
 
 /// A holder over the sites of a problem.

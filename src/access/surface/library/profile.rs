@@ -14,15 +14,16 @@
 //! ```
 
 use super::ToolReach;
+use crate::Result;
 use crate::access::surface::profile::ProfileTool;
 use crate::access::surface::tolerance::Tolerances;
 use crate::access::surface::tool::Outline;
 use crate::access::surface::{SurfaceOptions, TriangleObstacles, WitnessPose};
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, Cutter, Profile};
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Result, par};
+use crate::tool::cutter::{Assembly, Cutter, Profile};
+use crate::tool::directions::Directions;
 use std::sync::OnceLock;
 
 /// From one length to the next.
@@ -141,8 +142,8 @@ impl<'a> Lengths<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::Section;
     use crate::geom::solids;
+    use crate::tool::cutter::Section;
     use glam::{DVec3, dvec2};
 
     #[test]

@@ -11,8 +11,9 @@
 use super::super::profile::{AsidePose, Frame, ProfileTool};
 use super::super::samples;
 use super::grid::Grid;
+use crate::Result;
+use crate::exec::par;
 use crate::spatial::KdTree;
-use crate::{Result, par};
 use glam::DVec3;
 
 /// Between two poses a tool of radius R leaves a ridge of `spacing² / 8 R`: this share of the accuracy.

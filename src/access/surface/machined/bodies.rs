@@ -9,8 +9,8 @@
 use super::super::bvh::Bvh;
 use super::super::triangle::nearest;
 use super::grid::{Grid, Node};
+use crate::exec::par;
 use crate::geom::{Mesh, weld};
-use crate::par;
 use glam::DVec3;
 use std::collections::HashMap;
 

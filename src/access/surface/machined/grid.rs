@@ -2,10 +2,11 @@
 
 use super::heights::Heights;
 use super::swept::Swept;
+use crate::Result;
+use crate::exec::par;
 use crate::geom::Mesh;
 use crate::geom::inside::{Lattice, columns_inside};
 use crate::simd::extremes::{TILE_HEIGHT, TILE_WIDTH};
-use crate::{Result, par};
 use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -1,7 +1,7 @@
 //! How high the part reaches along a direction, at the middle of every pixel.
 
 use super::view::View;
-use crate::par;
+use crate::exec::par;
 use crate::simd::Isa;
 use crate::simd::extremes::{Extreme, TILE_HEIGHT, extreme_of_pairs, raise_line};
 use glam::DVec3;

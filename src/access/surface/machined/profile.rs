@@ -15,7 +15,7 @@
 
 use super::super::profile::{Cuts, Frame, ProfileTool, Push, Underside};
 use super::pose::{Line, least_over_places, within};
-use crate::cutter::Profile;
+use crate::tool::cutter::Profile;
 use glam::{DVec2, DVec3};
 
 /// A tool, and what of it cuts.

@@ -12,11 +12,12 @@ use super::pose::{Dropped, Line, Recent};
 use super::profile::{AnyTool, Leaves};
 use super::swept::Swept;
 use super::view::View;
-use crate::cutter::{Cutter, Profile};
-use crate::directions::Directions;
+use crate::Result;
+use crate::exec::{memory, par};
 use crate::geom::Sites;
 use crate::simd::extremes::{TILE_HEIGHT, TILE_WIDTH};
-use crate::{Result, memory, par};
+use crate::tool::cutter::{Cutter, Profile};
+use crate::tool::directions::Directions;
 use glam::{DVec2, DVec3};
 
 /// Directions of a site from which poses are searched.

@@ -2,7 +2,7 @@
 
 use super::footprint::{Disc, Footprint};
 use super::heights::{BLOCK, Buffers, Coarse, EMPTY, Heights};
-use crate::par;
+use crate::exec::par;
 use crate::simd::Isa;
 use crate::simd::extremes::{
     Extreme, TILE, TILE_HEIGHT, TILE_WIDTH, Term, extreme_of_tile, extremes,

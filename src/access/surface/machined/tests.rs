@@ -9,11 +9,11 @@ use super::swept::Swept;
 use super::view::View;
 use super::*;
 use crate::answers::SiteAnswer;
-use crate::cutter::{Cutter, CutterParams, Step};
-use crate::directions::Directions;
+use crate::exec::par;
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::{Mesh, Sites, check, solids};
-use crate::par;
+use crate::tool::cutter::{Cutter, CutterParams, Step};
+use crate::tool::directions::Directions;
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::PI;
 

@@ -8,8 +8,9 @@
 
 use super::super::obstacles::{TriangleObstacles, contacts};
 use super::super::triangle::nearest;
+use crate::exec::par;
 use crate::geom::Sites;
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use glam::DVec3;
 
 /// Sites per task.

@@ -17,8 +17,8 @@
 use super::blockers::{Blockers, Local, Met, Shape};
 use super::{PoseBox, PoseSet};
 use crate::access::surface::tool::{Axes, Contact};
-use crate::directions::basis;
 use crate::simd::Isa;
+use crate::tool::directions::basis;
 use glam::{DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 

@@ -3,7 +3,7 @@
 use super::frame::Frame;
 use super::label::ProfileTool;
 use crate::access::surface::tool::{Contact, Stand};
-use crate::par;
+use crate::exec::par;
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 

@@ -112,8 +112,8 @@ mod tests {
     use super::*;
     use crate::access::surface::bvh::Bvh;
     use crate::access::surface::chords::Chords;
-    use crate::cutter::Profile;
     use crate::geom::Mesh;
+    use crate::tool::cutter::Profile;
     use glam::dvec3;
 
     #[test]

@@ -58,7 +58,7 @@ impl Bands {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cutter::Profile;
+    use crate::tool::cutter::Profile;
 
     #[test]
     fn bands_hold_the_tool_and_not_much_more() {

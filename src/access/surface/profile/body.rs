@@ -5,7 +5,7 @@
 //! which a face across the axis begins, within τ of its height; and an arc of radius τ about every corner that points
 //! inward. The arcs that are hollow are replaced by chords.
 
-use crate::cutter::{Piece, Profile};
+use crate::tool::cutter::{Piece, Profile};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// A part of a shrunk profile.

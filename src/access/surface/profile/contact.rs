@@ -15,7 +15,7 @@
 
 use super::body::{finite_pieces, normal_at};
 use super::outline::Outline;
-use crate::cutter::Profile;
+use crate::tool::cutter::Profile;
 use glam::{DVec2, DVec3, dvec2};
 use std::f64::consts::PI;
 

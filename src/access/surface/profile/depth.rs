@@ -12,7 +12,7 @@ use super::label::{Form, ProfileTool};
 use super::meet::{Hit, penetrates};
 use super::outline::Outline;
 use crate::access::surface::tool::Stand;
-use crate::cutter::{Profile, ToolPart};
+use crate::tool::cutter::{Profile, ToolPart};
 use glam::{DVec2, DVec3};
 use std::sync::OnceLock;
 

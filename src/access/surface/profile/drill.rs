@@ -1,7 +1,7 @@
 //! What of a drill or a reamer touches.
 
 use super::body::normal_at;
-use crate::cutter::Profile;
+use crate::tool::cutter::Profile;
 use glam::DVec3;
 
 /// Normals of walls are this near to what is across the axis, as sine of the angle, and to those of a cone, radians.

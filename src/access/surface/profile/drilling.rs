@@ -26,7 +26,7 @@ use super::frame::Frame;
 use super::label::{Form, ProfileTool, SiteResult};
 use crate::access::surface::labels::WitnessPose;
 use crate::access::surface::tool::{Contact, Stand};
-use crate::par;
+use crate::exec::par;
 use glam::{DVec2, DVec3, dvec2};
 use std::f64::consts::{PI, TAU};
 

@@ -4,7 +4,7 @@ use super::axes::axes_of;
 use crate::access::surface::bvh::Bvh;
 use crate::access::surface::cells::Domain;
 use crate::access::surface::tool::{Axes, axes};
-use crate::directions::Directions;
+use crate::tool::directions::Directions;
 use glam::{DVec2, DVec3, Vec3};
 
 /// The axes of the tool.

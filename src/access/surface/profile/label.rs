@@ -14,7 +14,7 @@ use crate::access::surface::labels::WitnessPose;
 use crate::access::surface::tolerance::Tolerances;
 use crate::access::surface::tool::{Contact, Stand};
 use crate::answers::SiteAnswer;
-use crate::cutter::Profile;
+use crate::tool::cutter::Profile;
 use glam::{DVec2, DVec3, Vec3};
 
 /// One tool against all triangles.

@@ -5,8 +5,8 @@ use super::label::{ProfileTool, SiteResult};
 use crate::access::surface::cells::Domain;
 use crate::access::surface::labels::{SurfaceEvidence, SurfaceLabels, SurfaceStats};
 use crate::access::surface::tool::Contact;
-use crate::directions::Directions;
-use crate::par;
+use crate::exec::par;
+use crate::tool::directions::Directions;
 use glam::DVec3;
 
 /// Sites per task.

@@ -18,7 +18,7 @@ use super::label::{Form, MOST_RETREATS, ProfileTool, SiteResult, State};
 use super::meet::penetrates;
 use super::push::Pushes;
 use crate::access::surface::tool::{Contact, Stand};
-use crate::cutter::ToolPart;
+use crate::tool::cutter::ToolPart;
 use glam::{DVec2, DVec3};
 
 /// What is known of a direction.

@@ -1,7 +1,7 @@
 //! How deep a point is in a tool of any profile, and which way it is out.
 
 use super::body::finite_pieces;
-use crate::cutter::{Piece, Profile};
+use crate::tool::cutter::{Piece, Profile};
 use glam::{DVec2, DVec3, dvec2};
 
 /// The profile itself, not shrunk.

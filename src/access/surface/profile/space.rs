@@ -24,7 +24,7 @@ use super::label::{Form, ProfileTool, SiteResult, State};
 use super::shallow::{Candidate, Shallow};
 use crate::access::surface::samples;
 use crate::access::surface::tool::Contact;
-use crate::par;
+use crate::exec::par;
 use crate::spatial::KdTree;
 use glam::DVec3;
 

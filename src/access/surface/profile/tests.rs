@@ -6,11 +6,11 @@ use crate::access::surface::labels::SurfaceLabels;
 use crate::access::surface::{SurfaceOptions, TriangleObstacles, raise};
 use crate::access::{self, Obstacles, Queries};
 use crate::answers::SiteAnswer;
-use crate::cutter::{Assembly, Profile, Section};
-use crate::directions::{DirectionSet, Directions};
+use crate::exec::par;
 use crate::geom::{Mesh, Sites, solids};
-use crate::par;
-use crate::rng::{Purpose, Stream};
+use crate::numeric::rng::{Purpose, Stream};
+use crate::tool::cutter::{Assembly, Profile, Section};
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use std::f64::consts::TAU;
 
@@ -381,7 +381,7 @@ fn a_profile_that_only_widens_has_the_answers_of_its_cutter() {
     ] {
         let profile: Profile = text.parse().unwrap();
         let tool = Assembly::from_profile(profile, &holder, 14.0).unwrap();
-        let tip = crate::cutter::TipShape::Straight { radius_mm: tip[0], corner_mm: tip[1] };
+        let tip = crate::tool::cutter::TipShape::Straight { radius_mm: tip[0], corner_mm: tip[1] };
         let body = [Section::cylinder(40.0, 1.5)];
         let plain = Assembly::new(tip, &body, &holder, 14.0).unwrap().with_flutes(flutes).unwrap();
         let [found, expected] = [tool, plain].map(|tool| {

@@ -1,7 +1,7 @@
 //! What of a tool is seen from below: of what it does when it comes down along its axis, all that counts.
 
 use super::body::{Body, Curve, Element, WIDE};
-use crate::cutter::Profile;
+use crate::tool::cutter::Profile;
 
 /// The underside of a shrunk tool: how high it first is as wide.
 #[derive(Debug, Clone)]

@@ -6,7 +6,7 @@ use crate::access::surface::explain::{
     explain_among_points,
 };
 use crate::access::{LabelOptions, Obstacles, label as label_points};
-use crate::cutter::{Assembly, Step, ToolPart};
+use crate::tool::cutter::{Assembly, Step, ToolPart};
 
 /// The tool of four lengths.
 fn held([cr, ch, fr, fh]: [f64; 4]) -> Assembly {

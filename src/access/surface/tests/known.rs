@@ -4,8 +4,8 @@ use super::shapes::quartered;
 use super::*;
 use crate::access::Queries;
 use crate::access::surface::WitnessPose;
-use crate::cutter::{Assembly, Section, TipShape};
 use crate::geom::sites::{SiteOptions, sample};
+use crate::tool::cutter::{Assembly, Section, TipShape};
 
 /// A block around a hollow: closed rings of as many places each, from its bottom's rim outward, up, inward and down to
 /// the floor; both ends are closed by fans about the means of their rings.

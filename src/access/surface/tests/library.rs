@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::access::surface::ToolReach;
-use crate::cutter::{Assembly, Section, TipShape};
+use crate::tool::cutter::{Assembly, Section, TipShape};
 
 fn tool(radius_mm: f64, corner_mm: f64, shank: f64, holder: f64, stick_out: f64) -> Assembly {
     let tip = TipShape::Straight { radius_mm, corner_mm };

@@ -1,7 +1,7 @@
 //! Clearance is about what does not cut, allowance about what does: answers by hand.
 
 use super::*;
-use crate::cutter::Step;
+use crate::tool::cutter::Step;
 
 fn step(height_mm: f64, radius_mm: f64) -> Step {
     Step { height_mm, radius_mm }

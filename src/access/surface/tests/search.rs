@@ -93,7 +93,7 @@ fn clearance_is_how_far_the_steps_may_grow() {
         assert_eq!(*clearance, 3.0);
     }
     // Flutes of 8 mm: the shank is beside the wall touched, which is the tolerance away from the shrunk tool.
-    let step = |height_mm, radius_mm| crate::cutter::Step { height_mm, radius_mm };
+    let step = |height_mm, radius_mm| crate::tool::cutter::Step { height_mm, radius_mm };
     let upper = vec![step(6.5, 1.5), step(41.5, 20.0), step(46.5, f64::INFINITY)];
     let short = Cutter::from_parts([1.5, 0.0], vec![step(1.5, 1.5)], upper).unwrap();
     let labels = label(&mesh, &walls, &short, &up(), &options);

@@ -7,13 +7,14 @@ use super::{FIXTURES, SURFACE, another};
 use crate::access::surface::explain::Remedies;
 use crate::access::surface::{ContactTolerance, FINISH_MM, RefinementOptions, SurfaceOptions};
 use crate::answers::Definition;
-use crate::cutter::Assembly;
 use crate::data::files::hash;
-use crate::directions::Directions;
 use crate::geom::Mesh;
 use crate::geom::formats::{self, ReadOptions};
 use crate::geom::sites::{self, SiteOptions};
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::tool::cutter::Assembly;
+use crate::tool::directions::Directions;
+use crate::{Error, Result};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::directions::{DirectionSet, Directions};
+use crate::tool::directions::{DirectionSet, Directions};
 use glam::DVec3;
 
 fn example(name: &str) -> Kinematics {

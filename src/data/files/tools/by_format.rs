@@ -6,7 +6,8 @@ use super::unpack::{Content, content};
 use super::{
     MissingParameters, ToolTable, camotics, export, freecad, fusion, hsmlib, linuxcnc, place, table,
 };
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::{Error, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -7,9 +7,9 @@ pub(super) use family::{CENTER_RAD, Cone, Family};
 use super::holder::Holder;
 use super::place::Place;
 use super::{MissingParameters, Tool};
-use crate::cutter::{Assembly, Profile, Section, TipShape};
 use crate::geom::units::Unit;
 use crate::geom::units::length::tidy;
+use crate::tool::cutter::{Assembly, Profile, Section, TipShape};
 use crate::{Error, Result};
 
 /// Form of the lower end; lengths in mm.

@@ -11,8 +11,8 @@
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
 use super::{Tool, steps_words};
-use crate::cutter::{Assembly, CutterParams};
 use crate::geom::units::Unit;
+use crate::tool::cutter::{Assembly, CutterParams};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::path::Path;

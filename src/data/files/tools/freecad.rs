@@ -6,8 +6,8 @@ use super::described::{Cone, Described, Family, Form};
 use super::place::{Place, shown, shown_value};
 use super::reading::Reading;
 use crate::Result;
-use crate::cutter::Crest;
 use crate::geom::units::length::{Length, decimal, split};
+use crate::tool::cutter::Crest;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

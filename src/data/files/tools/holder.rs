@@ -2,9 +2,9 @@
 
 use super::MissingParameters;
 use super::place::{Place, shown, shown_value};
-use crate::cutter::Section;
 use crate::geom::units::length::{converted, unit_mm};
 use crate::geom::units::{Length, Unit};
+use crate::tool::cutter::Section;
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::Path;

@@ -15,7 +15,8 @@
 
 use super::fusion::Spelling;
 use super::place::shown;
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::{Error, Result};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 use serde_json::{Map, Value, json};

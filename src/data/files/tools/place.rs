@@ -1,7 +1,8 @@
 //! Where in a file something stands, for messages; and texts and numbers of any origin.
 
 use crate::geom::units::length::converted;
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::{Error, Result};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::path::Path;

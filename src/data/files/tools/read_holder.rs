@@ -4,7 +4,8 @@ use super::holder::{Holder, of_library, of_profile, of_table};
 use super::place::{json, text};
 use super::unpack::{Content, content};
 use super::{MissingParameters, hsmlib};
-use crate::{Result, input_file};
+use crate::Result;
+use crate::storage::input_file;
 use std::path::Path;
 
 /// Reads a holder: a Fusion 360 library (JSON or XML) with one holder (of its own or of its tools), a FreeCAD

@@ -15,8 +15,8 @@ use super::reading::Reading;
 use super::table_text::TableText;
 use super::words::{Remark, is_pointed, remark};
 use super::{MissingParameters, Tool};
-use crate::cutter::Profile;
 use crate::geom::units::length::{Length, unit_mm};
+use crate::tool::cutter::Profile;
 use crate::{Error, Result};
 use csv::StringRecord;
 

@@ -64,7 +64,7 @@ const FUSION: &str = r#"{"version": 12, "data": [
  {"description": "H", "type": "holder", "unit": "inches", "segments": []}]}"#;
 
 fn holder() -> Holder {
-    let sections = vec![crate::cutter::Section::cylinder(40.0, 20.0)];
+    let sections = vec![crate::tool::cutter::Section::cylinder(40.0, 20.0)];
     Holder { name: "C".into(), sections }
 }
 

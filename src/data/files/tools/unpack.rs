@@ -1,7 +1,8 @@
 //! What a file is before it is read: text, a packed library, or none of it.
 
 use super::place;
-use crate::{Error, Result, input_file};
+use crate::storage::input_file;
+use crate::{Error, Result};
 use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;

@@ -3,7 +3,7 @@
 use super::super::profile::AnyTool;
 use super::*;
 use crate::access::surface::profile::ProfileTool;
-use crate::cutter::{Assembly, Profile, Section, TipShape};
+use crate::tool::cutter::{Assembly, Profile, Section, TipShape};
 
 /// In a holder far above.
 fn held(profile: Profile) -> Cutter {

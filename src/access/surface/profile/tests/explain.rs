@@ -6,7 +6,7 @@ use crate::access::surface::explain::{
     Change, ChangeKind, Explanation, Query, Remedies, explain_among_points,
 };
 use crate::access::surface::profile::{Frame, Ladder, PartHeights, ProfileTool};
-use crate::cutter::ToolPart;
+use crate::tool::cutter::ToolPart;
 
 fn held(profile: Profile, holder: f64, stick_out: f64) -> Assembly {
     Assembly::from_profile(profile, &[Section::cylinder(30.0, holder)], stick_out).unwrap()

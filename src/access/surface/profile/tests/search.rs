@@ -10,7 +10,7 @@ use crate::access::surface::bvh::Bvh;
 use crate::access::surface::chords::Chords;
 use crate::access::surface::query::Scratch;
 use crate::access::surface::tool::{Contact, Stand, axes};
-use crate::cutter::Cutter;
+use crate::tool::cutter::Cutter;
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 
@@ -163,7 +163,7 @@ fn hold_against_lengths(
         if corner > 0.0 { format!("{radius}:{corner}@{flat}:{corner} ") } else { String::new() };
     let text = format!("{flat}:0 {round}{radius}:{flutes} | {shank}:{flutes} {shank}:60");
     let by_profile = Assembly::from_profile(text.parse().unwrap(), &holder, stick_out).unwrap();
-    let tip = crate::cutter::TipShape::Straight { radius_mm: radius, corner_mm: corner };
+    let tip = crate::tool::cutter::TipShape::Straight { radius_mm: radius, corner_mm: corner };
     let body = [Section::cylinder(flutes, radius), Section::cylinder(60.0, shank)];
     let by_lengths = Assembly::new(tip, &body, &holder, stick_out).unwrap();
     let by_lengths = by_lengths.with_flutes(flutes).unwrap();

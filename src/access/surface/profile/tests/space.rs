@@ -4,7 +4,7 @@ use super::search::{Searched, groove, held_against_dense};
 use super::*;
 use crate::access::surface::profile::Frame;
 use crate::access::surface::tool::Contact;
-use crate::cutter::TipShape;
+use crate::tool::cutter::TipShape;
 
 /// Points of a lattice with this step in a box.
 fn lattice(low: [f32; 3], high: [f32; 3], step: f32) -> Vec<Vec3> {
@@ -14,7 +14,7 @@ fn lattice(low: [f32; 3], high: [f32; 3], step: f32) -> Vec<Vec3> {
     all.map(|at| Vec3::from(low) + step * Vec3::from(at.map(|k| k as f32))).collect()
 }
 
-fn held(profile: Profile, stick_out: f64) -> crate::cutter::Cutter {
+fn held(profile: Profile, stick_out: f64) -> crate::tool::cutter::Cutter {
     let holder = [Section::cylinder(30.0, 20.0)];
     Assembly::from_profile(profile, &holder, stick_out).unwrap().cutter().unwrap()
 }

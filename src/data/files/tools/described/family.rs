@@ -2,8 +2,8 @@
 //! cutting along their axis alone.
 
 use super::{Described, round};
-use crate::cutter::{Crest, Profile};
 use crate::data::files::tools::place::Place;
+use crate::tool::cutter::{Crest, Profile};
 use crate::{Error, Result};
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -1,8 +1,8 @@
 //! Families of Fusion 360 beside end mills, as profiles. Lengths are those of its tool editor: `docs/tool-families.md`.
 
 use super::{Geometry, SAME, Spelling};
-use crate::cutter::Crest;
 use crate::data::files::tools::described::{CENTER_RAD, Cone, Family, Form, round};
+use crate::tool::cutter::Crest;
 use crate::{Error, Result};
 use std::f64::consts::FRAC_PI_2;
 

@@ -6,8 +6,8 @@
 
 use super::Geometry;
 use crate::Result;
-use crate::cutter::{Profile, ProfileSection};
 use crate::geom::units::length::converted;
+use crate::tool::cutter::{Profile, ProfileSection};
 use serde_json::Value;
 
 struct Point {

@@ -1,7 +1,7 @@
 //! Tools given by their profiles.
 
 use super::*;
-use crate::cutter::Profile;
+use crate::tool::cutter::Profile;
 
 const HOLDER: &str = "height,lower,upper\n40,30,30\n";
 
