@@ -65,6 +65,7 @@
 //!
 //! - from a part and tools to a folder of results: `analysis` (features `formats` and `generate`)
 //! - label: [`access`], [`access::surface`]; sites: [`geom::sites`]; cutters: [`cutter`]; directions: [`directions`]
+//! - choose tools and setups: [`planning`]
 //! - predict and train: [`model`], [`train`], [`data`]
 //! - formulas, formats, limits and how to: `guide`, the pages of `docs`
 //! - build networks: [`nn`], [`octree`], [`optim`], [`loss`]; check gradients: [`gradcheck`]
@@ -97,6 +98,7 @@ pub mod model;
 pub mod nn;
 mod numeric;
 pub mod octree;
+pub mod planning;
 #[cfg(feature = "python")]
 mod python;
 #[cfg(feature = "formats")]

@@ -7,27 +7,31 @@ use std::path::{Path, PathBuf};
 const EVERYWHERE: [&str; 6] = ["error", "numeric", "exec", "storage", "Error", "Result"];
 
 /// Room → rooms it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 24] = [
+const PLAN: [(&str, &[&str]); 25] = [
     ("capi", &["analysis", "report", "data", "access", "answers", "geom", "tool"]),
     (
         "python",
         &[
-            "analysis", "report", "train", "data", "model", "octree", "access", "answers", "geom",
-            "tool",
+            "analysis", "report", "train", "data", "model", "planning", "octree", "access",
+            "answers", "geom", "tool",
         ],
     ),
     ("arrays", &["access", "answers", "model", "geom"]),
-    ("analysis", &["report", "data", "model", "access", "answers", "geom", "tool"]),
+    ("analysis", &["report", "data", "model", "planning", "access", "answers", "geom", "tool"]),
     (
         "report",
-        &["train", "data", "model", "learn", "access", "answers", "geom", "spatial", "tool"],
+        &[
+            "train", "data", "model", "learn", "planning", "access", "answers", "geom", "spatial",
+            "tool",
+        ],
     ),
     ("conformance", &["model", "nn", "octree", "learn", "tool"]),
     ("train", &["model", "nn", "data", "access", "answers", "geom", "learn", "tool", "simd"]),
-    ("data", &["model", "access", "answers", "geom", "octree", "tool"]),
+    ("data", &["model", "planning", "access", "answers", "geom", "octree", "tool"]),
     ("model", &["nn", "octree", "access", "answers", "tool", "geom", "spatial"]),
     ("nn", &["octree", "simd"]),
     ("learn", &["answers", "simd"]),
+    ("planning", &["access", "geom", "tool"]),
     ("access", &["answers", "geom", "spatial", "tool", "simd"]),
     ("answers", &["geom"]),
     ("octree", &["spatial", "simd"]),

@@ -2,8 +2,6 @@
 //! an answer.
 
 use deepmill::access::Labeler;
-use deepmill::access::cover::cover_share;
-use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, raise};
 use deepmill::answers::Rounding;
 use deepmill::cutter::{Assembly, Cutter, Profile, Section, TipShape};
@@ -19,6 +17,8 @@ use deepmill::nn::params::{Init, Layout};
 use deepmill::octree::normalize::Preparation;
 use deepmill::octree::{Cloud, KernelMap, Octree, OctreeOptions, key};
 use deepmill::optim::{Schedule, Sgd};
+use deepmill::planning::cover::cover_share;
+use deepmill::planning::setups::{Candidates, Choice, Clampings, Plan};
 use deepmill::rng::{Purpose, Stream};
 use deepmill::train::reliability::Reliability;
 use deepmill::{Error, Result};

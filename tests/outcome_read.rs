@@ -2,7 +2,6 @@
 #![cfg(all(feature = "formats", feature = "generate"))]
 
 use deepmill::Result;
-use deepmill::access::setups::Clampings;
 use deepmill::access::surface::{RefinementOptions, SurfaceOptions};
 use deepmill::analysis::{
     Analysis, Files, Fixture, Outcome, PredictRequest, PredictionsOutcome, SetupRequest,
@@ -19,6 +18,7 @@ use deepmill::geom::sites::{SiteOptions, sample};
 use deepmill::geom::{Mesh, solids};
 use deepmill::glam::{DVec2, DVec3, Vec3};
 use deepmill::model::{Model, Predictor, UNetConfig};
+use deepmill::planning::setups::Clampings;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use zip::{ZipArchive, ZipWriter};

@@ -1,7 +1,6 @@
 //! What is written with serde is read back the same, and what makes no sense is refused on reading.
 #![cfg(feature = "formats")]
 
-use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
 use deepmill::access::surface::explain::Query;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 use deepmill::access::{CollisionMatrix, Engine, LabelOptions, Labeler, Labels};
@@ -16,6 +15,7 @@ use deepmill::loss::CrossEntropy;
 use deepmill::model::{Model, Prediction, Predictor, UNetConfig};
 use deepmill::octree::OctreeOptions;
 use deepmill::optim::Sgd;
+use deepmill::planning::setups::{Candidates, Choice, Clampings, Plan};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use serde::de::DeserializeOwned;

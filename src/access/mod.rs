@@ -35,7 +35,6 @@
 pub mod baselines;
 mod batched;
 mod clearance;
-pub mod cover;
 mod cutter_groups;
 mod driver;
 mod extent;
@@ -52,7 +51,6 @@ pub mod predicate;
 mod problem;
 mod pruned;
 mod reference;
-pub mod setups;
 mod stats;
 pub mod surface;
 

@@ -8,8 +8,8 @@ pub(super) use tested::{Tested, Tests};
 pub use vise::Vise;
 
 use super::fixtures::Fixture;
-use crate::access::setups::{Candidate, Candidates, direction_words};
 use crate::geom::Mesh;
+use crate::planning::setups::{Candidate, Candidates, direction_words};
 use crate::report::setups::Held;
 use crate::{Error, Result};
 use glam::DVec3;

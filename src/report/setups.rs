@@ -15,10 +15,10 @@ use super::points::PointValues;
 use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::Result;
-use crate::access::setups::{Machine, Plan, Setup, direction_words};
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, formats};
+use crate::planning::setups::{Machine, Plan, Setup, direction_words};
 use crate::storage::atomic_file;
 use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
@@ -182,7 +182,7 @@ impl Setups {
         for (k, (name, setup)) in self.names.iter().zip(&self.plan.setups).enumerate() {
             let reached = self.areas.share(|i| setup.reaches[i]);
             so_far += setup.adds;
-            let count = |n: fn(&crate::access::cover::Cover) -> usize| {
+            let count = |n: fn(&crate::planning::cover::Cover) -> usize| {
                 setup.positions.as_ref().map_or(Cell::Missing, |cover| Cell::count(n(cover)))
             };
             let mut row = vec![Cell::text(name)];

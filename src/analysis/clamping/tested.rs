@@ -2,11 +2,11 @@
 
 use super::Clamping;
 use crate::Result;
-use crate::access::setups::Candidates;
 use crate::access::surface::{AccessibleDirections, SurfaceOptions, TriangleObstacles};
 use crate::analysis::observer::{Observer, Stage, report};
 use crate::data::files::tools::Tool;
 use crate::geom::{Mesh, Sites};
+use crate::planning::setups::Candidates;
 use crate::tool::directions::Directions;
 use std::time::Instant;
 

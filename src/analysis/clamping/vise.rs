@@ -1,9 +1,9 @@
 //! A vise, and where it can grip a part.
 
 use super::polygons::{Flat, clipped, common_area, project};
-use crate::access::setups::{DOWN_RAD, LOWEST_MM};
 use crate::geom::Mesh;
 use crate::geom::solids::cuboid;
+use crate::planning::setups::{DOWN_RAD, LOWEST_MM};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3, Vec3, dvec3};
 use serde::{Deserialize, Serialize};

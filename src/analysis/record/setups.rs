@@ -2,11 +2,11 @@
 
 use super::placed::{OfPlaced, add_mesh, add_on_part, read_mesh, read_on_part};
 use super::{REMEDY, add_text, is_about, metadata, open, read_text};
-use crate::access::setups::{Plan, Setup};
 use crate::analysis::clamping::Clamping;
 use crate::analysis::fixtures::Fixture;
 use crate::analysis::{SetupRequest, SetupsOutcome};
 use crate::data::npz::{NpzReader, NpzWriter};
+use crate::planning::setups::{Plan, Setup};
 use crate::report::findings::Findings;
 use crate::report::folder::SETUPS;
 use crate::report::gate::SiteAreas;

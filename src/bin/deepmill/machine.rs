@@ -1,8 +1,8 @@
 //! The machine of `setups` and `machined`: words or a file.
 
 use deepmill::Result;
-use deepmill::access::setups::Machine;
 use deepmill::data::files::machines;
+use deepmill::planning::setups::Machine;
 use std::path::PathBuf;
 
 /// Read after the arguments, so that what is wrong in a file is one line of error.

@@ -3,7 +3,7 @@
 
 mod freecad;
 
-use crate::access::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
+use crate::planning::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
 use crate::storage::input_file;
 use crate::{Error, Result};
 use glam::DVec3;

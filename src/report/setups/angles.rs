@@ -1,6 +1,6 @@
 //! Tool axes as a machine takes them: angles of its rotary axes, or of a tilted plane.
 
-use crate::access::setups::{Machine, plane_euler_deg};
+use crate::planning::setups::{Machine, plane_euler_deg};
 use crate::report::tables::Cell;
 use glam::DVec3;
 

@@ -12,7 +12,7 @@
 //! apart, if the file has metric units. Tool heads, output and post-processor are not used.
 
 use super::REMEDY;
-use crate::access::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
+use crate::planning::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::Deserialize;

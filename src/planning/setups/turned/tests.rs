@@ -1,7 +1,7 @@
-use crate::access::setups::kinematics::{Carrier, Kinematics, RotaryParams};
-use crate::access::setups::{Candidates, Clampings, Machine};
 use crate::geom::Mesh;
 use crate::geom::solids::cuboid;
+use crate::planning::setups::kinematics::{Carrier, Kinematics, RotaryParams};
+use crate::planning::setups::{Candidates, Clampings, Machine};
 use glam::{DVec3, Vec3, dvec3};
 
 fn axis(letter: char, on: Carrier, axis: [f64; 3], limits_deg: Option<[f64; 2]>) -> RotaryParams {

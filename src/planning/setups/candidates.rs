@@ -53,7 +53,7 @@ pub struct Candidate {
 /// The setups to choose from; those that a machinist would rather have come first.
 ///
 /// ```
-/// use deepmill::access::setups::{Candidates, Clampings};
+/// use deepmill::planning::setups::{Candidates, Clampings};
 /// use deepmill::{geom::solids, glam::{DVec3, Vec3}};
 ///
 /// let block = solids::cuboid(DVec3::new(30.0, 20.0, 10.0));

@@ -13,7 +13,7 @@ use std::str::FromStr;
 /// A kind of machine.
 ///
 /// ```
-/// use deepmill::access::setups::Machine;
+/// use deepmill::planning::setups::Machine;
 /// let machine: Machine = "3+2:60".parse()?;
 /// assert_eq!(machine.to_string(), "3+2:60");
 /// assert!("3+2".parse::<Machine>().is_err(), "the greatest tilt is never guessed");

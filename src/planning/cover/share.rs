@@ -36,7 +36,7 @@ const ROUNDING: f64 = 1e-9;
 /// time; `holds(set, element)`. Sets with a lower number are preferred where gains are nearly equal.
 ///
 /// ```
-/// use deepmill::access::cover::cover_share;
+/// use deepmill::planning::cover::cover_share;
 /// // One set holds nine of ten elements, another the last.
 /// let cover = cover_share(2, &[1.0; 10], |set, element| (element == 9) == (set == 1), 0.9);
 /// assert_eq!((cover.chosen.clone(), cover.is_smallest()), (vec![0], true));
@@ -78,7 +78,7 @@ pub fn cover_share(
 /// search finds fewer on the way.
 ///
 /// ```
-/// use deepmill::access::cover::cover_share_preferring;
+/// use deepmill::planning::cover::cover_share_preferring;
 /// // Every set holds all: the number alone says nothing.
 /// let cover = cover_share_preferring(3, &[1.0; 10], |_, _| true, 1.0, &[2, 0, 1]);
 /// assert_eq!((cover.chosen.clone(), cover.is_smallest()), (vec![2], true));

@@ -1,9 +1,9 @@
 //! Strokes, held against blocks by hand.
 
 use super::*;
-use crate::access::setups::{Carrier, Clampings, Kinematics, Machine, RotaryParams};
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::solids::cuboid;
+use crate::planning::setups::{Carrier, Clampings, Kinematics, Machine, RotaryParams};
 use glam::{Vec3, dvec3};
 
 /// From -50 to 50, -30 to 30 and -10 to 10 mm.

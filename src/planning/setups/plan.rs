@@ -3,10 +3,10 @@
 use super::candidates::{Candidate, Candidates};
 use super::machine::{DOWN_RAD, LOWEST_MM, angle};
 use super::strokes::{self, Bits};
-use crate::access::cover::{Cover, cover_share, cover_share_preferring, greedy_share, is_weight};
 use crate::access::surface::AccessibleDirections;
 use crate::exec::{memory, par};
 use crate::geom::{Mesh, Sites};
+use crate::planning::cover::{Cover, cover_share, cover_share_preferring, greedy_share, is_weight};
 use crate::{Error, Result};
 use glam::{DMat3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// A block reaches most of its surface standing on its smallest face:
 ///
 /// ```
-/// use deepmill::access::setups::{Candidates, Choice, Clampings, Plan};
+/// use deepmill::planning::setups::{Candidates, Choice, Clampings, Plan};
 /// use deepmill::access::surface::{SurfaceOptions, TriangleObstacles};
 /// use deepmill::geom::{sites, solids, spacing};
 /// use deepmill::{cutter::Cutter, glam::{DVec3, Vec3}};
@@ -56,7 +56,7 @@ pub struct Plan {
 /// Which of the candidates a plan takes.
 ///
 /// ```
-/// use deepmill::access::setups::Choice;
+/// use deepmill::planning::setups::Choice;
 ///
 /// let few = Choice::share(0.99); // as few as cover 99 % of what some candidate reaches
 /// let two = few.at_most(2); // no more than two, even if those cover less
