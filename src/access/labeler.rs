@@ -1,8 +1,8 @@
 //! The labeler: a definition of the labels and a direction set, ready for any sites and cutters.
 
-use super::driver::label;
 use super::labels::{LabelOptions, Labels};
-use super::problem::Obstacles;
+use super::points::driver::label;
+use super::points::problem::Obstacles;
 use super::surface::{SurfaceOptions, TriangleObstacles};
 use crate::Result;
 use crate::answers::SiteAnswers;

@@ -1,9 +1,9 @@
 //! Options and results of labeling.
 
-use super::bottom_sites;
+use super::evidence::SurfaceEvidence;
 use super::matrix::CollisionMatrix;
-use super::stats::Stats;
-use super::surface::SurfaceEvidence;
+use super::points::bottom::bottom_sites;
+use super::points::stats::Stats;
 use crate::answers::{Rounding, SiteAnswers};
 use crate::simd::Isa;
 use crate::tool::cutter::ToolPart;

@@ -31,42 +31,29 @@
 //!
 //! Points are a sample of a part; [`surface`] tests its triangles.
 
-#[doc(hidden)] // of the program's evaluation
-pub mod baselines;
-mod batched;
-mod clearance;
-mod cutter_groups;
-mod driver;
+mod evidence;
 mod extent;
-mod gouge;
-mod kernels;
 mod labeler;
 mod labels;
 mod matrix;
-mod method;
-mod occlusion;
-mod order;
-#[doc(hidden)] // checked by tests and benches
-pub mod predicate;
-mod problem;
-mod pruned;
-mod reference;
-mod stats;
+mod points;
 pub mod surface;
 
-pub(crate) use driver::{Counted, count_for};
-pub use driver::{label, label_many};
 pub(crate) use extent::Extent;
-#[doc(hidden)] // against points; triangles answer by `access::surface`
-pub use gouge::gouges;
 pub use labeler::Labeler;
 #[doc(hidden)] // of data sets
 pub use labels::BOTTOM_MM;
 pub use labels::{Engine, LabelOptions, Labels};
 pub use matrix::CollisionMatrix;
 #[doc(hidden)] // of the program
-pub use occlusion::bottom_sites;
-pub(crate) use occlusion::occlusion_points;
-pub use problem::{Obstacles, Queries};
+pub use points::bottom::bottom_sites;
+pub(crate) use points::driver::{Counted, count_for};
+pub use points::driver::{label, label_many};
+#[doc(hidden)] // against points; triangles answer by `access::surface`
+pub use points::gouge::gouges;
+pub(crate) use points::occlusion::occlusion_points;
+pub use points::problem::{Obstacles, Queries};
 #[doc(hidden)] // counts for benches
-pub use stats::Stats;
+pub use points::stats::Stats;
+#[doc(hidden)] // of the program's evaluation, tests and benches
+pub use points::{baselines, predicate};

@@ -5,11 +5,12 @@
 //! Both only grow with the margin, so one tool after the other is tested. In one direction the greatest `c` at which no
 //! step penetrates is found by bisection; a direction that is not clear at the best `c` so far is left after one tool.
 
-use super::labels::{CLEARANCE_STEP_MM, WitnessPose};
+use super::labels::CLEARANCE_STEP_MM;
 use super::problem::Problem;
 use super::query::{Probe, Scratch};
 use super::tool::{Stand, axes};
 use super::verdict::Verdict;
+use crate::access::evidence::WitnessPose;
 use crate::exec::par;
 use crate::tool::directions::Directions;
 use glam::Vec3;

@@ -6,9 +6,7 @@
 
 use super::caps::Silhouette;
 use super::cells::{Domain, Hierarchy};
-use super::labels::{
-    SurfaceEvidence, SurfaceLabels, SurfaceOptions, SurfaceStats, Tally, WitnessPose,
-};
+use super::labels::{SurfaceLabels, SurfaceOptions, Tally};
 use super::problem::{Problem, WORD};
 use super::refine::{Place, Refinement, SearchState};
 use super::site::SiteState;
@@ -16,6 +14,7 @@ use super::tool::{Axes, axes};
 use super::verdict::Verdict;
 use crate::Result;
 use crate::access::CollisionMatrix;
+use crate::access::evidence::{SurfaceEvidence, SurfaceStats, WitnessPose};
 use crate::exec::par;
 use crate::tool::cutter::Cutter;
 use crate::tool::directions::Directions;

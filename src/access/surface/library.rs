@@ -36,7 +36,7 @@ mod held;
 mod profile;
 
 use super::cells::Domain;
-use super::labels::{SurfaceLabels, SurfaceOptions, WitnessPose};
+use super::labels::{SurfaceLabels, SurfaceOptions};
 use super::obstacles::{TriangleObstacles, extent, tested};
 use super::problem::Problem;
 use super::query::Scratch;
@@ -45,6 +45,7 @@ use super::tool::{Contact, Outline, Stand, axes};
 use super::verdict::Verdict;
 use crate::Result;
 use crate::access::Queries;
+use crate::access::evidence::WitnessPose;
 use crate::answers::SiteAnswer;
 use crate::exec::par;
 use crate::geom::Sites;

@@ -68,14 +68,17 @@ mod verdict;
 mod verify;
 mod warnings;
 
+#[doc(hidden)] // of the program and benches
+pub use super::evidence::SurfaceStats;
+pub use super::evidence::{SurfaceEvidence, WitnessPose};
 pub use accessible::AccessibleDirections;
 #[doc(hidden)] // of findings
 pub use advice::{PartChange, PartLength};
 #[doc(hidden)] // of the program
 pub use faces::{BlockingFace, blocking_faces};
 #[doc(hidden)] // of the program and benches
-pub use labels::{FINISH_MM, SurfaceStats};
-pub use labels::{RefinementOptions, SurfaceEvidence, SurfaceOptions, WitnessPose};
+pub use labels::FINISH_MM;
+pub use labels::{RefinementOptions, SurfaceOptions};
 #[doc(hidden)] // of `analysis`, which compares tools
 pub use library::ToolReach;
 #[doc(hidden)] // of `analysis`

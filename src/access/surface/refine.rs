@@ -26,12 +26,13 @@
 
 use super::caps::{Blockers, Caps, Middles, Silhouette};
 use super::cells::Hierarchy;
-use super::labels::{RefinementOptions, WitnessPose};
+use super::labels::RefinementOptions;
 use super::problem::Problem;
 use super::query::Probe;
 use super::site::{Ball, SiteState};
 use super::tool::{Contact, OBLIQUE, Outline, Stand, axes};
 use super::verdict::Verdict;
+use crate::access::evidence::WitnessPose;
 use crate::simd::Isa;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Answers that rest on something: a wide gouge tolerance, or a clearance.
 
-use super::labels::{SurfaceOptions, WitnessPose};
+use super::labels::SurfaceOptions;
 use super::obstacles::TriangleObstacles;
 use super::query::Scratch;
 use super::tolerance::ContactTolerance;
@@ -9,6 +9,7 @@ use super::verdict::Verdict;
 use super::warnings::WIDE_MM;
 use crate::Result;
 use crate::access::Queries;
+use crate::access::evidence::WitnessPose;
 use crate::answers::SiteAnswer;
 use crate::exec::par;
 use crate::geom::Sites;

@@ -1,11 +1,12 @@
 //! Claims about the mesh definition, each on bodies whose answer is known.
 
-use super::labels::{SurfaceEvidence, SurfaceLabels};
+use super::labels::SurfaceLabels;
 use super::tool::Tip;
 use super::{
     ContactTolerance, Reached, RefinementOptions, SurfaceOptions, TriangleObstacles, Warning,
 };
 use super::{drop, penetrate, raise};
+use crate::access::evidence::SurfaceEvidence;
 use crate::answers::SiteAnswer;
 use crate::exec::par;
 use crate::geom::{Mesh, Sites, solids};

@@ -1,11 +1,11 @@
 //! Warnings about inputs that make exact answers misleading: a wrong unit, too few sites, a coarse tessellation.
 
 use super::faces::faces;
-use super::labels::SurfaceEvidence;
 use super::obstacles::TriangleObstacles;
 use super::tolerance::{ContactTolerance, LEAST_MM};
 use super::tool::Outline;
 use crate::Result;
+use crate::access::evidence::SurfaceEvidence;
 use crate::geom::{Mesh, Sites};
 use crate::tool::cutter::{Cutter, Profile};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,8 @@
 use super::meet::{self, Meeting, Points, ShrunkTool};
 use super::{Blocked, DirectionState, Explanation, MOST_CLEARANCE_MM, Outcome, Query, Witness};
 use crate::Result;
-use crate::access::surface::labels::{RefinementOptions, SurfaceOptions, WitnessPose};
+use crate::access::evidence::WitnessPose;
+use crate::access::surface::labels::{RefinementOptions, SurfaceOptions};
 use crate::access::surface::obstacles::TriangleObstacles;
 use crate::access::surface::query::Scratch;
 use crate::access::surface::site::{Ball, SiteState};

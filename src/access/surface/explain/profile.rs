@@ -9,8 +9,9 @@
 
 use super::{Blocked, DirectionState, Explanation, NearestPose, Outcome, Query, Witness};
 use crate::access::Queries;
+use crate::access::evidence::WitnessPose;
 use crate::access::surface::cells::Domain;
-use crate::access::surface::labels::{SurfaceOptions, WitnessPose};
+use crate::access::surface::labels::SurfaceOptions;
 use crate::access::surface::obstacles::{TriangleObstacles, tested};
 use crate::access::surface::profile::{
     Frame, Ladder, PartHeights, Penetration, PoseState, ProfileTool, SiteResult,

@@ -2,10 +2,10 @@
 
 use super::super::bvh::Bvh;
 use super::super::drop;
-use super::super::labels::WitnessPose;
 use super::super::problem::Problem;
 use super::super::query::{Scratch, from_box};
 use super::super::tool::{Stand, axes};
+use crate::access::evidence::WitnessPose;
 use crate::exec::par;
 use crate::tool::cutter::Assembly;
 use glam::Vec3;

@@ -24,7 +24,7 @@
 use super::drill::{Drill, DrillCone, Margin, NEAR};
 use super::frame::Frame;
 use super::label::{Form, ProfileTool, SiteResult};
-use crate::access::surface::labels::WitnessPose;
+use crate::access::evidence::WitnessPose;
 use crate::access::surface::tool::{Contact, Stand};
 use crate::exec::par;
 use glam::{DVec2, DVec3, dvec2};

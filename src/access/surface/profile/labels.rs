@@ -2,8 +2,9 @@
 
 use super::frame::Frame;
 use super::label::{ProfileTool, SiteResult};
+use crate::access::evidence::{SurfaceEvidence, SurfaceStats};
 use crate::access::surface::cells::Domain;
-use crate::access::surface::labels::{SurfaceEvidence, SurfaceLabels, SurfaceStats};
+use crate::access::surface::labels::SurfaceLabels;
 use crate::access::surface::tool::Contact;
 use crate::exec::par;
 use crate::tool::directions::Directions;

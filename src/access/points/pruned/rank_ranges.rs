@@ -4,7 +4,7 @@
 //! the list. [`CountInRanges`] tests the centers of each range; [`AnnulusSplit`](super::annulus_split::AnnulusSplit)
 //! makes ranges shorter before.
 
-use crate::access::kernels::squared_distance;
+use crate::access::points::kernels::squared_distance;
 use crate::simd::vector::MAX_LANES;
 use crate::simd::{Float32, Kernel, Simd, Unsigned, Unsigned32, Vector};
 
@@ -184,7 +184,7 @@ fn distance_of<S: Simd>(s: S, obstacle: [S::F32; 2], x: &[f32], y: &[f32]) -> S:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::access::pruned::annulus_split::{AnnulusSplit, Word};
+    use crate::access::points::pruned::annulus_split::{AnnulusSplit, Word};
     use crate::numeric::rng::{Purpose, Stream};
     use crate::simd::Isa;
 

@@ -1,7 +1,7 @@
 //! Queries and obstacles in a spatial order, so that neighbors in the list are neighbors in space.
 
-use super::labels::Labels;
 use super::problem::{NOT_AN_OBSTACLE, Scene};
+use crate::access::labels::Labels;
 use crate::answers::SiteAnswers;
 use crate::spatial::{Coordinates, order};
 use glam::Vec3;

@@ -11,8 +11,8 @@
 use super::annulus_split::{AnnulusSplit, Word};
 use super::rank_ranges::{CountInRanges, FindSpan, RangeSpan, RankRanges, SLACK};
 use super::ranks::Sorted;
+use crate::access::points::stats::Stats;
 use crate::access::predicate::StepSquared;
-use crate::access::stats::Stats;
 use crate::simd::Isa;
 use crate::simd::vector::MAX_LANES;
 use crate::spatial::Coordinates;

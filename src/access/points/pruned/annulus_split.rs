@@ -14,7 +14,7 @@
 //! The circles are drawn wider than rounding could ever matter, see [`MARGIN`].
 
 use super::rank_ranges::{RankRanges, SLACK};
-use crate::access::kernels::squared_distance;
+use crate::access::points::kernels::squared_distance;
 use crate::simd::{Float32, Kernel, Mask, Simd, Vector};
 
 /// Sixty-four places of a split list: which are inside and which in the annulus, and how many of each came before.

@@ -3,9 +3,6 @@
 use super::batched::Batched;
 use super::clearance::signed_clearance;
 use super::cutter_groups::group_by_reference_point;
-use super::extent::Extent;
-use super::labels::{Engine, LabelOptions, Labels};
-use super::matrix::CollisionMatrix;
 use super::method::Method;
 use super::occlusion::{above_bottom, occlusion_points_above};
 use super::order::Order;
@@ -15,13 +12,16 @@ use super::pruned::{BetaBounds, Pruned};
 use super::reference::Reference;
 use super::stats::Stats;
 use crate::Result;
+use crate::access::extent::Extent;
+use crate::access::labels::{Engine, LabelOptions, Labels};
+use crate::access::matrix::CollisionMatrix;
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::exec::par;
 use crate::simd::Isa;
 use crate::tool::cutter::{Cutter, require_steps};
 use crate::tool::directions::Directions;
 
-/// Labels of `queries` for one cutter; see the [module](super) for the definition.
+/// Labels of `queries` for one cutter; see [`access`](crate::access) for the definition.
 ///
 /// # Errors
 /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, volume queries have no

@@ -1,6 +1,6 @@
 //! Points of a direction's plane, binned into square cells.
 
-use crate::access::kernels::GROUP;
+use crate::access::points::kernels::GROUP;
 use crate::simd::{Float32, Mask, Simd, Unsigned, Unsigned16, Unsigned32, Vector};
 use crate::spatial::{Coordinates, CountingSort};
 

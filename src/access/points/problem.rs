@@ -1,6 +1,6 @@
 //! The checked input of labeling: queries, obstacles and cutters as arrays of numbers.
 
-use super::bottom_sites;
+use super::bottom::bottom_sites;
 use super::kernels::Rotate;
 use super::predicate::{self, Frame, StepSquared};
 use crate::geom::Sites;

@@ -2,7 +2,7 @@
 
 use super::cell_bins::{CellBins, Extent};
 use super::disc::{DilationScratch, HalfWidths, SHARE, dilate_disc, inner_disc, outer_disc};
-use crate::access::kernels::{GROUP, set_bits, squared_distance};
+use crate::access::points::kernels::{GROUP, set_bits, squared_distance};
 use crate::access::predicate::StepSquared;
 use crate::simd::{Float32, Mask, Simd, Unsigned, Unsigned32, Vector};
 use crate::spatial::Coordinates;

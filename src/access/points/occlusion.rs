@@ -1,6 +1,6 @@
 //! Occlusion points: the share of the obstacles that collide most often.
 
-use super::labels::LabelOptions;
+use crate::access::labels::LabelOptions;
 use crate::answers::{mark_top, mark_top_share};
 
 /// Marks the `ceil(share·n)` entries of greatest `beta`, lower index first among equals, never a zero.
@@ -10,19 +10,6 @@ pub fn occlusion_points(beta: &[u64], share: f64) -> Vec<bool> {
     let mut marks = mark_top_share(beta, share, u64::cmp);
     marks.iter_mut().zip(beta).for_each(|(marked, &beta)| *marked &= beta > 0);
     marks
-}
-
-/// The sites of the bottom rule: lower than the lowest one plus `bottom_mm`. Points are in mm.
-///
-/// ```
-/// use deepmill::access::bottom_sites;
-/// use deepmill::glam::Vec3;
-/// let points = [0.0, 0.5, 1.0, 7.0].map(|z| Vec3::new(0.0, 0.0, z - 3.0));
-/// assert_eq!(bottom_sites(&points, 1.0), [true, true, false, false]);
-/// ```
-pub fn bottom_sites(points: &[glam::Vec3], bottom_mm: f64) -> Vec<bool> {
-    let lowest = points.iter().fold(f64::INFINITY, |lowest, p| lowest.min(f64::from(p.z)));
-    points.iter().map(|p| f64::from(p.z) < lowest + bottom_mm).collect()
 }
 
 /// Places of the ranked sites that are not at the bottom, ascending; `bottom` is empty without a bottom rule.
@@ -50,7 +37,6 @@ pub(super) fn occlusion_points_above(
 mod tests {
     use super::*;
     use crate::answers::Rounding;
-    use glam::Vec3;
 
     #[test]
     fn the_greatest_tenth_is_marked_and_ties_go_to_the_lower_index() {
@@ -92,13 +78,5 @@ mod tests {
         assert_eq!(marked(0.3, Rounding::Floor), [1, 3], "floor(2.7) = 2");
         assert_eq!(marked(0.3, Rounding::Ceil), [1, 3, 4]);
         assert!(marked(0.1, Rounding::Floor).is_empty(), "floor(0.9) = 0");
-    }
-
-    #[test]
-    fn the_bottom_is_measured_from_the_lowest_site() {
-        let points = [Vec3::new(9.0, 0.0, -4.0), Vec3::new(0.0, 0.0, -3.0), Vec3::ZERO];
-        assert_eq!(bottom_sites(&points, 1.0), [true, false, false], "lower than, not at");
-        assert_eq!(bottom_sites(&points, 5.0), [true; 3]);
-        assert_eq!(bottom_sites(&[], 1.0), [false; 0]);
     }
 }
