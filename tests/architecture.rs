@@ -198,7 +198,7 @@ fn unsafe_threads_files_and_printing_stay_in_their_rooms() {
     assert!(breaches.is_empty(), "{breaches:#?}");
 }
 
-/// The module of a file: `access/pruned/mod.rs` is `access/pruned`.
+/// The module of a file: `access/points/mod.rs` is `access/points`.
 fn module(path: &str) -> &str {
     let path = path.strip_suffix(".rs").unwrap();
     path.strip_suffix("/mod").unwrap_or(path)
