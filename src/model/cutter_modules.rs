@@ -2,6 +2,8 @@
 
 use super::config::CutterConfig;
 use crate::Result;
+use crate::exec::memory::product;
+use crate::nn::OperatorShape;
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::{BatchNorm, Statistics};
 use crate::nn::dropout::Dropout;
@@ -10,6 +12,7 @@ use crate::nn::linear::Linear;
 use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::pass_memory::PassMemory;
 use crate::nn::relu::Relu;
 use crate::numeric::scalar::Scalar;
 use std::ops::Range;
@@ -179,5 +182,16 @@ impl<T: Scalar> Layer<T> for CutterModule {
         let inner = Operand::new(&middle, self.first.linear.c_out());
         let dmiddle = self.second.backward(pass, &(), inner, second, dy).into_first();
         self.first.backward(pass, &(), x, first, dmiddle)
+    }
+}
+
+/// Memory of cutter modules of these widths.
+pub(crate) fn memory(pass: &mut PassMemory, n_modules: usize, [hidden_width, width]: [usize; 2]) {
+    for _ in 0..n_modules {
+        for (c_in, c) in [(N_LENGTHS, hidden_width), (hidden_width, width)] {
+            pass.layer(OperatorShape::linear(pass.n_shapes, c_in, c));
+            // Rectified, dropped out, their gradients.
+            pass.save(product([pass.n_shapes, c, 4]));
+        }
     }
 }

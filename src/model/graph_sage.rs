@@ -10,6 +10,9 @@ use super::cutter_modules::{CutterModule, N_LENGTHS, SavedCutterModule};
 use super::graph::{Edges, GraphBatch, GraphShape, N_FEATURES};
 use super::heads::{Head, N_HEADS};
 use super::training::{InputGradients, TrainingPass};
+use super::{cutter_modules, heads};
+use crate::exec::memory::product;
+use crate::nn::OperatorShape;
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::layer::Layer;
@@ -19,6 +22,7 @@ use crate::nn::neighbor_mean::{NeighborMean, Neighbors};
 use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::pass_memory::PassMemory;
 use crate::nn::rows;
 use crate::nn::saved::Policy;
 use crate::numeric::rng::Stream;
@@ -368,6 +372,39 @@ fn sees_cutter(config: &GraphSageConfig, layer: usize) -> bool {
         CutterPlacement::Last => layer + 1 == config.widths.len(),
         CutterPlacement::All => true,
     }
+}
+
+/// Numbers of a pass of the graph network.
+pub(super) fn memory(
+    config: &GraphSageConfig,
+    c_in: usize,
+    (n, n_shapes): (usize, usize),
+    training: bool,
+) -> u64 {
+    let mut pass = PassMemory::new(n_shapes, training);
+    cutter_modules::memory(
+        &mut pass,
+        config.widths.len(),
+        [config.cutter.hidden_width, config.cutter.width],
+    );
+    let mut c = c_in;
+    for &width in &config.widths {
+        let own = c + config.cutter.width;
+        let operator = OperatorShape::linear(n, 2 * own, width);
+        pass.layer(operator);
+        let gathered = product([n, own, 2]);
+        if training {
+            pass.save(gathered.saturating_add(product([n, c])));
+            pass.use_workspace(
+                operator.workspace(n_shapes, true).saturating_add(gathered.saturating_mul(2)),
+            );
+        } else {
+            pass.use_workspace(operator.workspace(n_shapes, false).saturating_add(gathered));
+        }
+        c = width;
+    }
+    heads::memory(&mut pass, N_HEADS, n, [c, config.head_width]);
+    pass.numbers()
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! A head: a two-layer classifier from point features to the logits of one label.
 
+use crate::exec::memory::product;
+use crate::nn::OperatorShape;
 use crate::nn::arena::Buffer;
 use crate::nn::batch_norm::BatchNorm;
 use crate::nn::layer::Layer;
@@ -9,6 +11,7 @@ use crate::nn::linear_operator::LinearOperator;
 use crate::nn::operand::{Operand, OperandGradient};
 use crate::nn::params::Layout;
 use crate::nn::pass::{Backward, Inference, Training};
+use crate::nn::pass_memory::PassMemory;
 use crate::nn::saved::Policy;
 use crate::numeric::scalar::Scalar;
 use std::ops::Range;
@@ -124,5 +127,20 @@ impl<T: Scalar> Layer<T> for Head {
     ) -> OperandGradient<T> {
         let dhidden = self.backward_to_hidden(pass, x, saved, &dy);
         self.hidden.linear.input_gradient(pass.context(), &(), x, &dhidden)
+    }
+}
+
+/// Memory of the heads.
+pub(crate) fn memory(
+    pass: &mut PassMemory,
+    n_heads: usize,
+    n_points: usize,
+    [c, width]: [usize; 2],
+) {
+    for _ in 0..n_heads {
+        pass.run(OperatorShape::linear(n_points, c, width));
+        pass.run(OperatorShape::linear(n_points, width, N_CLASSES));
+        let n_saved = if pass.training { width } else { 0 };
+        pass.save(product([n_points, N_CLASSES + n_saved]));
     }
 }

@@ -21,7 +21,6 @@ pub mod heads;
 mod network;
 mod network_config;
 mod own_heads;
-mod pass_memory;
 #[doc(hidden)] // checked by tests
 pub mod policy;
 mod predict;

@@ -5,9 +5,10 @@ use super::graph::{GraphBatch, N_FEATURES};
 use super::graph_sage::{GraphSage, SavedGraphSage};
 use super::network::Network;
 use super::network_config::NetworkConfig;
-use super::pass_memory::{self, OctreeExtent};
 use super::training::{SavedUNet, TrainingPass};
+use super::unet::OctreeExtent;
 use super::unet::UNet;
+use super::{graph_sage, unet};
 use crate::Result;
 use crate::nn::arena::Buffer;
 use crate::nn::params::Layout;
@@ -95,7 +96,7 @@ impl<T: Scalar> SiteNetwork<T> for UNet {
             n_shapes: octree.point_ranges.len(),
         };
         let c_in = self.stem.linear.c_in();
-        let numbers = pass_memory::of_octree(self.config(), c_in, &extent, training);
+        let numbers = unet::memory(self.config(), c_in, &extent, training);
         numbers.saturating_mul(size_of::<T>() as u64)
     }
 }
@@ -146,7 +147,7 @@ impl<T: Scalar> SiteNetwork<T> for GraphSage {
 
     fn pass_bytes(&self, batch: &GraphBatch<T>, training: bool) -> u64 {
         let extent = (batch.n_points(), batch.shapes.len());
-        let numbers = pass_memory::of_graph(self.config(), N_FEATURES, extent, training);
+        let numbers = graph_sage::memory(self.config(), N_FEATURES, extent, training);
         numbers.saturating_mul(size_of::<T>() as u64)
     }
 }
@@ -324,6 +325,9 @@ impl<T: Scalar> SiteNetwork<T> for AnyNetwork {
         }
     }
 }
+
+#[cfg(test)]
+mod memory_tests;
 
 #[cfg(test)]
 mod tests {

@@ -5,7 +5,9 @@ use super::config::UNetConfig;
 use super::cutter_modules::{CutterModule, N_LENGTHS};
 use super::heads::{Head, N_CLASSES};
 use super::policy::MemoryPolicy;
+use super::{cutter_modules, heads};
 use crate::Result;
+use crate::exec::memory::product;
 use crate::nn::arena::Buffer;
 use crate::nn::attention::Attention;
 use crate::nn::batch_norm::BatchNorm;
@@ -19,7 +21,9 @@ use crate::nn::linear_norm_act::LinearNormAct;
 use crate::nn::operand::Operand;
 use crate::nn::params::Layout;
 use crate::nn::pass::Inference;
+use crate::nn::pass_memory::PassMemory;
 use crate::nn::strided_conv::OutputRows;
+use crate::nn::{OperatorShape, attention, blocks};
 use crate::numeric::scalar::Scalar;
 use crate::octree::{KernelMap, Octree, OctreeLevel};
 
@@ -306,4 +310,57 @@ fn decoder(config: &UNetConfig, policy: &MemoryPolicy, layout: &mut Layout) -> V
 /// Decoder stages that see the cutter.
 fn cutter_stages(config: &UNetConfig) -> Vec<usize> {
     (0..config.decoder_widths.len()).filter(|&stage| config.sees_cutter(stage)).collect()
+}
+
+/// What a batch of octrees is made of.
+pub(super) struct OctreeExtent {
+    /// Nodes of each depth, over all shapes.
+    pub n_nodes: Vec<usize>,
+    /// Most nodes of a shape in each depth.
+    pub max_nodes: Vec<usize>,
+    pub n_points: usize,
+    pub n_shapes: usize,
+}
+
+/// Numbers of a pass of the octree network with `c_in` columns of features.
+pub(super) fn memory(config: &UNetConfig, c_in: usize, of: &OctreeExtent, training: bool) -> u64 {
+    let (depth, n) = (config.input.depth, config.encoder_widths.len());
+    let mut pass = PassMemory::new(of.n_shapes, training);
+    let mut c = config.stem_width;
+    pass.layer(OperatorShape::convolution(of.n_nodes[depth], c_in, c));
+    let mut skips = vec![c];
+    for (i, (&width, &n_blocks)) in
+        config.encoder_widths.iter().zip(&config.encoder_blocks).enumerate()
+    {
+        let [n_in, n_out] = [depth - i, depth - 1 - i].map(|d| of.n_nodes[d]);
+        pass.layer(OperatorShape { n_in, n_out, c_in: c, c_out: width, n_offsets: 8 });
+        blocks::memory(&mut pass, n_out, n_blocks, [width; 2]);
+        // The gradient of what skips to the decoder.
+        pass.save(if training { product([n_in, c]) } else { 0 });
+        c = width;
+        skips.push(c);
+    }
+    let cutter = &config.cutter;
+    cutter_modules::memory(&mut pass, n, [cutter.hidden_width, cutter.width]);
+    let mut skips = skips.into_iter().rev().skip(1);
+    for (i, (&width, &n_blocks)) in
+        config.decoder_widths.iter().zip(&config.decoder_blocks).enumerate()
+    {
+        let d = depth + 1 + i - n;
+        let [n_in, n_out] = [d - 1, d].map(|d| of.n_nodes[d]);
+        pass.layer(OperatorShape { n_in, n_out, c_in: c, c_out: width, n_offsets: 8 });
+        let c_cutter = if config.sees_cutter(i) { cutter.width } else { 0 };
+        let joined = skips.next().unwrap_or_default() + c_cutter + width;
+        blocks::memory(&mut pass, n_out, n_blocks, [joined, width]);
+        if config.attention.depths.contains(&d) {
+            attention::memory(&mut pass, [n_out, of.max_nodes[d]], width, config.attention.n_heads);
+        }
+        c = width;
+    }
+    // Features at the points; with the gradients by them and by the nodes.
+    pass.save(product([of.n_points, c, if training { 2 } else { 1 }]));
+    pass.use_workspace(product([of.n_nodes[depth], c, 3]));
+    let c = c + config.input.n_point_channels();
+    heads::memory(&mut pass, config.n_heads(), of.n_points, [c, config.head_width]);
+    pass.numbers()
 }

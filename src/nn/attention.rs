@@ -2,6 +2,7 @@
 
 use super::arena::{Arena, Buffer};
 use super::column_norm::Epilogue;
+use super::conv_plan::OperatorShape;
 use super::conv_plan::dense;
 use super::layer::Layer;
 use super::linear::Linear;
@@ -9,7 +10,9 @@ use super::linear_operator::LinearOperator;
 use super::operand::{Operand, OperandGradient};
 use super::params::Layout;
 use super::pass::{Backward, Context, Inference, Training};
+use super::pass_memory::PassMemory;
 use super::rows;
+use crate::exec::memory::product;
 use crate::exec::par;
 use crate::numeric::scalar::Scalar;
 use std::ops::Range;
@@ -258,6 +261,17 @@ impl<T: Scalar> Layer<T> for Attention {
         dx.add(&OperandGradient::of_matrix(arena, x, dy));
         dx
     }
+}
+
+/// Memory of attention between the nodes of each shape, `n` in all, at most `max_nodes` in one.
+pub(crate) fn memory(pass: &mut PassMemory, [n, max_nodes]: [usize; 2], c: usize, n_heads: usize) {
+    let at_once = par::threads().min(n_heads.saturating_mul(pass.n_shapes));
+    let squares = if pass.training { 5 } else { 1 };
+    let of_heads = product([at_once, max_nodes, squares * max_nodes + 8 * (c / n_heads)]);
+    let rows = product([n, if pass.training { 12 } else { 6 }, c]);
+    pass.use_workspace(of_heads.saturating_add(rows));
+    pass.layer(OperatorShape::linear(n, c, 3 * c));
+    pass.layer(OperatorShape::linear(n, c, c));
 }
 
 #[cfg(test)]

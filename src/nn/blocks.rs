@@ -1,12 +1,15 @@
 //! A sequence of residual blocks at one depth of the octree.
 
 use super::arena::Buffer;
+use super::conv_plan::OperatorShape;
 use super::layer::Layer;
 use super::operand::{Operand, OperandGradient};
 use super::params::Layout;
 use super::pass::{Backward, Inference, Training};
+use super::pass_memory::PassMemory;
 use super::residual::{Residual, ResidualPolicy, SavedResidual};
 use super::saved::{Policy, Saved};
+use crate::exec::memory::product;
 use crate::numeric::scalar::Scalar;
 use crate::octree::KernelMap;
 use std::ops::Range;
@@ -169,4 +172,15 @@ impl<T: Scalar> Layer<T> for Blocks {
             None => OperandGradient::default(),
         }
     }
+}
+
+/// Memory of residual blocks on `n` rows.
+pub(crate) fn memory(pass: &mut PassMemory, n: usize, n_blocks: usize, [c_in, c]: [usize; 2]) {
+    let shortcut = OperatorShape::linear(n, c_in, c);
+    pass.run(OperatorShape::convolution(n, c_in, c));
+    pass.run(OperatorShape::convolution(n, c, c));
+    pass.run(shortcut);
+    // Before each norm, and the sum; in inference each block's output replaces that of the one before.
+    let n_saved = if pass.training { 3 * n_blocks + usize::from(c_in != c) } else { 1 };
+    pass.save(product([n, c, n_saved]));
 }

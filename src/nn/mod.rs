@@ -47,6 +47,7 @@ pub mod operand;
 pub mod pad;
 pub mod params;
 pub mod pass;
+pub(crate) mod pass_memory;
 pub mod pool;
 pub mod relu;
 pub mod residual;
