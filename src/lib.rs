@@ -46,7 +46,7 @@
 //!
 //! | feature | default | adds |
 //! |---|---|---|
-//! | `formats` | by `cli` | files of meshes, clouds, samples, weights and pictures; `train::RunFolder`; `report` |
+//! | `formats` | by `cli` | files of meshes, clouds, samples, weights and pictures; `train::RunFolder`; `findings`, `tables`, `report` |
 //! | `generate` | by `cli` | parts made from a seed (`data::generated`) |
 //! | `weights` | yes | the trained network (`Model::shipped`) |
 //! | `ndarray` | yes | sites, meshes and answers as `ndarray` views (`arrays`) |
@@ -90,6 +90,8 @@ mod conformance;
 pub mod data;
 pub mod error;
 mod exec;
+#[cfg(feature = "formats")]
+pub mod findings;
 pub mod geom;
 #[cfg(any(doc, doctest))]
 pub mod guide;
@@ -102,11 +104,15 @@ pub mod planning;
 #[cfg(feature = "python")]
 mod python;
 #[cfg(feature = "formats")]
+mod render;
+#[cfg(feature = "formats")]
 pub mod report;
 pub mod simd;
 mod spatial;
 #[cfg(feature = "formats")]
 mod storage;
+#[cfg(feature = "formats")]
+pub mod tables;
 mod tool;
 pub mod train;
 

@@ -7,24 +7,36 @@ use std::path::{Path, PathBuf};
 const EVERYWHERE: [&str; 6] = ["error", "numeric", "exec", "storage", "Error", "Result"];
 
 /// Room → rooms it may import. Arrows only point down.
-const PLAN: [(&str, &[&str]); 25] = [
-    ("capi", &["analysis", "report", "data", "access", "answers", "geom", "tool"]),
+const PLAN: [(&str, &[&str]); 28] = [
+    (
+        "capi",
+        &["analysis", "report", "findings", "tables", "data", "access", "answers", "geom", "tool"],
+    ),
     (
         "python",
         &[
-            "analysis", "report", "train", "data", "model", "planning", "octree", "access",
-            "answers", "geom", "tool",
+            "analysis", "report", "findings", "train", "data", "model", "planning", "octree",
+            "access", "answers", "geom", "tool",
         ],
     ),
     ("arrays", &["access", "answers", "model", "geom"]),
-    ("analysis", &["report", "data", "model", "planning", "access", "answers", "geom", "tool"]),
+    (
+        "analysis",
+        &[
+            "report", "findings", "render", "tables", "data", "model", "planning", "access",
+            "answers", "geom", "tool",
+        ],
+    ),
     (
         "report",
         &[
-            "train", "data", "model", "learn", "planning", "access", "answers", "geom", "spatial",
-            "tool",
+            "findings", "render", "tables", "train", "data", "model", "learn", "planning",
+            "access", "answers", "geom", "spatial", "tool",
         ],
     ),
+    ("findings", &["tables", "data", "access", "answers", "geom", "tool"]),
+    ("render", &["data", "access", "answers", "geom", "spatial"]),
+    ("tables", &["geom"]),
     ("conformance", &["model", "nn", "octree", "learn", "tool"]),
     ("train", &["model", "nn", "data", "access", "answers", "geom", "learn", "tool", "simd"]),
     ("data", &["model", "planning", "access", "answers", "geom", "octree", "tool"]),
@@ -48,7 +60,7 @@ const PLAN: [(&str, &[&str]); 25] = [
 ];
 
 /// Where files may be opened or written.
-const FILE_MODULES: [&str; 17] = [
+const FILE_MODULES: [&str; 20] = [
     "storage/atomic_file.rs",
     "storage/folder_lock.rs",
     "storage/input_file.rs",
@@ -65,6 +77,9 @@ const FILE_MODULES: [&str; 17] = [
     "train/run_folder",
     "train/settings_file",
     "report/",
+    "findings/",
+    "render/",
+    "tables",
     "bin/",
 ];
 

@@ -7,8 +7,8 @@ use command::{CUTTER, Folder, block, deepmill, failure, json, label_tools, stl, 
 use deepmill::answers::SiteAnswer;
 use deepmill::data::files::volume::{PointAnswer, VolumeFile};
 use deepmill::data::files::{LabelFile, PredictionFile};
+use deepmill::findings::gate::SiteAreas;
 use deepmill::model::Prediction;
-use deepmill::report::gate::SiteAreas;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -7,10 +7,10 @@ mod command;
 use command::{Folder, deepmill, failure, grooved, text};
 use deepmill::analysis::Analysis;
 use deepmill::data::files::tools::Tool;
+use deepmill::findings::FindingStatus;
+use deepmill::findings::baseline::Baseline;
 use deepmill::geom::solids::cuboid;
 use deepmill::glam::DVec3;
-use deepmill::report::baseline::Baseline;
-use deepmill::report::findings::FindingStatus;
 use serde_json::Value;
 
 /// A ball end of 6 mm, 20 mm below a wide holder.

@@ -5,7 +5,7 @@ mod command;
 
 use command::{CUTTER, Folder, deepmill, failure, grooved, json, label_tools, text};
 use deepmill::data::files::LabelFile;
-use deepmill::report::gate::SiteAreas;
+use deepmill::findings::gate::SiteAreas;
 use serde_json::Value;
 use std::path::Path;
 

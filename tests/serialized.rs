@@ -255,7 +255,7 @@ mod outcomes {
     use super::*;
     use deepmill::analysis::{Analysis, Fixture};
     use deepmill::data::files::tools::Tool;
-    use deepmill::report::findings::Findings;
+    use deepmill::findings::Findings;
 
     #[test]
     fn answers_and_findings_of_an_outcome_are_read_back() {

@@ -6,7 +6,7 @@ mod scratch;
 
 use deepmill::data::files::{machines, matrix::AccessMatrix, safety};
 use deepmill::glam::DVec3;
-use deepmill::report::baseline::Baseline;
+use deepmill::findings::baseline::Baseline;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {

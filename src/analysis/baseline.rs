@@ -5,8 +5,8 @@ use super::placed::Placed;
 use super::setups::{ALL_SETUPS, SetupsOutcome};
 use super::tools::ToolsOutcome;
 use crate::Result;
-use crate::report::baseline::{Baseline, BaselineCheck, FindingsAbout};
-use crate::report::findings::{ALL_TOOLS, Findings};
+use crate::findings::baseline::{Baseline, BaselineCheck, FindingsAbout};
+use crate::findings::{ALL_TOOLS, Findings};
 
 impl Outcome {
     /// Holds [`Outcome::findings`] against what is known: each is known, new or grown from then on, and has the name of

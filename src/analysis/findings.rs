@@ -7,10 +7,8 @@ use crate::access::surface::{PartChange, PartLength, SurfaceOptions, TriangleObs
 use crate::answers::SiteAnswer;
 use crate::data::files::tools::Tool;
 use crate::exec::par;
+use crate::findings::{Findings, Opening, PartAdvice, ToolChange, add_blocking_parts, add_proofs};
 use crate::geom::{Mesh, Sites};
-use crate::report::findings::{
-    Findings, Opening, PartAdvice, ToolChange, add_blocking_parts, add_proofs,
-};
 use crate::tool::cutter::Assembly;
 use crate::tool::directions::{DirectionSet, Directions};
 use glam::Vec3;

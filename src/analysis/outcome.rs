@@ -13,10 +13,10 @@ use crate::data::files::settings::{
 };
 use crate::data::files::tools::Tool;
 use crate::data::files::{LabelFile, Provenance};
+use crate::findings::Findings;
+use crate::findings::gate::SiteAreas;
 use crate::geom::{Mesh, Sites};
 use crate::report::coverage::Coverage;
-use crate::report::findings::Findings;
-use crate::report::gate::SiteAreas;
 use crate::tool::directions::Directions;
 use serde::{Deserialize, Serialize};
 

@@ -3,12 +3,12 @@
 use crate::answers::SiteAnswers;
 use crate::data::files::LabelFile;
 use crate::data::files::label_query::require_surface;
+use crate::findings::{FINDINGS, Findings, for_all_tools};
 use crate::geom::Mesh;
 use crate::geom::formats;
 use crate::geom::selection::Selector;
 use crate::geom::units::{Length, Unit};
 use crate::report::coverage;
-use crate::report::findings::{FINDINGS, Findings, for_all_tools};
 use crate::report::folder::{REGION, SURFACE};
 use crate::storage::input_file;
 use crate::{Error, Result};

@@ -14,7 +14,7 @@ use crate::data::files::{AnalysisSettings, Provenance};
 use crate::geom::Mesh;
 use crate::geom::formats::MeshOrCloud;
 use crate::geom::inside::{Lattice, lattice_inside};
-use crate::report::section;
+use crate::render::section;
 use crate::{Error, Result};
 use glam::Vec3;
 use std::mem;

@@ -1,17 +1,17 @@
 //! Coverage by several tools: a table with a row per tool, and the first tool that reaches each site.
 
-use super::findings::Findings;
 use super::folder::{LABELS, Show, Shown, Writer};
-use super::gate::SiteAreas;
 use super::page::View;
 use super::points::PointValues;
-use super::tables::{Cell, Table};
 use super::{Class, Coloring, PartView, Rgb};
 use crate::access::Labels;
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::data::files::tools::{Tool, steps_words};
+use crate::findings::Findings;
+use crate::findings::gate::SiteAreas;
 use crate::geom::units::Unit;
 use crate::storage::{atomic_file, input_file};
+use crate::tables::{Cell, Table};
 use crate::tool::cutter::Step;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};

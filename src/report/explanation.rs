@@ -5,8 +5,6 @@ mod shape;
 
 pub use picture::picture;
 
-use super::findings::part_change_words;
-use super::tables::{Cell, Facts, Table};
 use crate::Result;
 use crate::access::surface::PartChange;
 use crate::access::surface::explain::{
@@ -15,6 +13,8 @@ use crate::access::surface::explain::{
 use crate::answers::{Definition, SiteAnswer};
 use crate::data::files::label_query::LabelQuery;
 use crate::data::files::tools::steps_words;
+use crate::findings::part_change_words;
+use crate::tables::{Cell, Facts, Table};
 use crate::tool::cutter::{Profile, ToolPart};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};

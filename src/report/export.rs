@@ -1,12 +1,12 @@
 //! Answers for other programs: a glTF file with colors, and a table with a row per site. `docs/formats.md` has the schema.
 
-use super::memory::PartSize;
-use super::paint::Painter;
 use super::points::PointValues;
 use super::{Coloring, PartView};
 use crate::data::files::Provenance;
 use crate::exec::par;
 use crate::geom::Sites;
+use crate::render::memory::PartSize;
+use crate::render::paint::Painter;
 use crate::storage::atomic_file;
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};

@@ -6,12 +6,12 @@ mod names;
 pub(super) mod rest;
 
 use super::export::{self, Extra};
-use super::gate::SiteAreas;
 use super::points::{self, PointValues};
 use super::{Coloring, PartView, Scene, picture};
 use crate::Result;
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::data::files::{LabelFile, PredictionFile, Provenance};
+use crate::findings::gate::SiteAreas;
 use crate::geom::{Mesh, Sites, formats};
 use caption::setup;
 pub use former::{Former, LIKE_INPUTS, require_kept};

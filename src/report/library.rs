@@ -2,15 +2,15 @@
 //! how little each may stick out.
 
 use super::coverage::{number_of, profiles_of, steps_of};
-use super::curves::{self, Chart, Series};
-use super::gate::SiteAreas;
-use super::tables::{Cell, Table};
 use crate::access::surface::ToolReach;
 use crate::answers::SiteAnswer;
 use crate::data::files::tools::{Tool, thick_and_short_first};
+use crate::findings::gate::SiteAreas;
 use crate::geom::units::Unit;
 use crate::planning::cover::{Cover, cover, cover_share_preferring};
+use crate::render::curves::{self, Chart, Series};
 use crate::storage::atomic_file;
+use crate::tables::{Cell, Table};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 

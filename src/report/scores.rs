@@ -1,7 +1,7 @@
 //! A table of scores of predictions against labels that names the positive class.
 
-use super::tables::{Cell, Table};
 use crate::learn::metrics::Confusion;
+use crate::tables::{Cell, Table};
 
 /// A table of scores; each row is named after its positive class.
 ///

@@ -1,8 +1,8 @@
 //! Findings that are known: `--baseline`, `--write-baseline`.
 
 use crate::output::Output;
-use deepmill::report::baseline::{Baseline, BaselineCheck, Grown, KnownFinding};
-use deepmill::report::findings::{Finding, Findings};
+use deepmill::findings::baseline::{Baseline, BaselineCheck, Grown, KnownFinding};
+use deepmill::findings::{Finding, Findings};
 use deepmill::{Error, Result, atomic_file};
 use glam::DVec3;
 use serde_json::{Value, json};

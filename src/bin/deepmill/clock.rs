@@ -1,6 +1,6 @@
 //! Wall-clock times of the stages of a command.
 
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 use std::time::Instant;
 
 /// A stopwatch with laps.

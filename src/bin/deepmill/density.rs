@@ -2,7 +2,7 @@
 
 use deepmill::geom::Sites;
 use deepmill::geom::spacing::Spacing;
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 
 /// Adds distances between sites of one sheet, and their variation with walls and without. Returns the
 /// distances within sheets.

@@ -12,7 +12,7 @@ use deepmill::model::config::CutterPlacement;
 use deepmill::model::{AnyModel, weights};
 use deepmill::processes::{Processes, agree, require_same};
 use deepmill::report::curves::{Chart, Series, write_curves};
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::{Evaluation, HeadScore, HeadScores, VerifiedScore};
 use deepmill::train::{evaluate_exact, evaluate_ranked, evaluate_verified};
 use deepmill::{Error, Result, atomic_file};

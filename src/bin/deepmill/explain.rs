@@ -13,7 +13,7 @@ use deepmill::geom::spacing::Spacing;
 use deepmill::report::coverage::labeled_tools;
 use deepmill::report::explanation::{About, part_advice, picture};
 use deepmill::report::folder::LABELS;
-use deepmill::report::tables::Cell;
+use deepmill::tables::Cell;
 use deepmill::{Error, Result, atomic_file};
 use glam::DVec3;
 use serde_json::{Value, json};

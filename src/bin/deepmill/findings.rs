@@ -2,7 +2,7 @@
 
 use crate::output::Output;
 use deepmill::analysis::N_SHOWN as N_SAID;
-use deepmill::report::findings::{Findings, openings_words};
+use deepmill::findings::{Findings, openings_words};
 
 /// The largest findings as a table.
 pub fn say(findings: &Findings, output: &Output) {

@@ -3,7 +3,7 @@
 use crate::output::Output;
 use deepmill::analysis::KeptOut;
 use deepmill::data::files::tools::Tool;
-use deepmill::report::gate::SiteAreas;
+use deepmill::findings::gate::SiteAreas;
 use serde_json::{Value, json};
 
 /// Says what each fixture keeps out of reach; as JSON for the result.

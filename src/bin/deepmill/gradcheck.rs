@@ -3,7 +3,7 @@
 use crate::output::Output;
 use deepmill::gradcheck::suite::{LIMIT, ProbeShape, Suite, SuiteCase};
 use deepmill::gradcheck::{Element, GradientReport};
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::{Error, Result, atomic_file};
 use std::iter::once;
 use std::path::PathBuf;

@@ -21,9 +21,9 @@ use deepmill::access::LabelOptions;
 use deepmill::analysis::{Analysis, Files, PerDirection, Placed};
 use deepmill::data::files::settings::Blocking;
 use deepmill::data::files::tools::Tool;
+use deepmill::findings::gate::Limit;
 use deepmill::geom::file_vertices::FileVertices;
 use deepmill::geom::formats::{KeepVertices, MeshOrCloud};
-use deepmill::report::gate::Limit;
 use deepmill::{Error, Result};
 use std::path::PathBuf;
 

@@ -11,7 +11,7 @@ use crate::premise::premise;
 use crate::progress::Bars;
 use deepmill::analysis::{Analysis, MachinedOutcome, SetupRequest, Stock};
 use deepmill::planning::setups::{Machine, direction_of_words};
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 use deepmill::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};

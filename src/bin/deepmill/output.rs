@@ -3,10 +3,10 @@
 use crate::args;
 use deepmill::analysis::Files;
 use deepmill::answers::SiteAnswers;
+use deepmill::findings::gate::{Limit, SiteAreas};
+use deepmill::findings::{Findings, for_all_tools};
 use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
-use deepmill::report::findings::{Findings, for_all_tools};
-use deepmill::report::gate::{Limit, SiteAreas};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::HashSet;

@@ -15,7 +15,7 @@ use deepmill::answers::SiteAnswers;
 use deepmill::data::files::PredictionFile;
 use deepmill::geom::formats::MeshOrCloud;
 use deepmill::model::Predictor;
-use deepmill::report::tables::{Cell, Facts, Table};
+use deepmill::tables::{Cell, Facts, Table};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::path::PathBuf;

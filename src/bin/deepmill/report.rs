@@ -9,21 +9,21 @@ use deepmill::analysis::{Files, Outcome, SetupsOutcome, findings_of_tools, take_
 use deepmill::answers::SiteAnswers;
 use deepmill::data::files::label_query::require_surface;
 use deepmill::data::files::{LabelFile, PredictionFile, Provenance};
+use deepmill::findings::Findings;
+use deepmill::findings::gate::SiteAreas;
 use deepmill::geom::formats::{self, ReadOptions};
 use deepmill::geom::units::Unit;
 use deepmill::geom::{Mesh, Sites};
 use deepmill::metrics::Confusion;
 use deepmill::report::Scene;
 use deepmill::report::coverage::{self, Shares};
-use deepmill::report::findings::Findings;
 use deepmill::report::folder::{
     self, FIRST_TOOLS, FIXTURES, LABELS, OUTCOME, PREDICTIONS, REGION, SETUPS, SURFACE, Show,
 };
-use deepmill::report::gate::SiteAreas;
 use deepmill::report::outlines::outlines;
 use deepmill::report::page::{Page, View};
 use deepmill::report::scores;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::{Error, Result, atomic_file};
 use glam::DVec3;
 use serde_json::json;

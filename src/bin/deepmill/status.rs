@@ -4,7 +4,7 @@
 use crate::output::Output;
 use deepmill::data::files::matrix::{AccessMatrix, MatrixFile};
 use deepmill::data::files::{LabelFile, safety};
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;

@@ -16,9 +16,9 @@ use crate::region::{self, RegionArgs};
 use deepmill::Result;
 use deepmill::analysis::{Analysis, Observer, ToolsOutcome};
 use deepmill::data::files::tools::Tool;
+use deepmill::findings::gate::Limit;
 use deepmill::geom::Mesh;
-use deepmill::report::gate::Limit;
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

@@ -10,7 +10,7 @@ use deepmill::analysis::Analysis;
 use deepmill::data::files::tools::Tool;
 use deepmill::data::files::volume::PointAnswer;
 use deepmill::geom::formats::MeshOrCloud;
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 use deepmill::{Error, Result};
 use serde_json::json;
 

@@ -6,7 +6,7 @@ use super::super::status::{Answer, dm_status};
 use super::analysis::{Callback, dm_progress};
 use super::raw::{Buffer, Place, optional_text, text};
 use super::{copy, copy_text, dm_handle, enter};
-use crate::report::findings::Finding;
+use crate::findings::Finding;
 use std::ffi::{c_char, c_void};
 
 /// A region out of reach. NaN is what was not computed.

@@ -3,8 +3,8 @@
 use super::shape::Shape;
 use super::{About, answer_words, short, triple};
 use crate::geom::Mesh;
+use crate::render::image::{Font, Image, fitted};
 use crate::report::Rgb;
-use crate::report::image::{Font, Image, fitted};
 use crate::tool::cutter::{Assembly, ToolPart};
 use glam::{DVec2, DVec3, dvec2};
 

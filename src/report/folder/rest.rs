@@ -3,7 +3,7 @@
 use super::{Shown, Writer, point_values, setup};
 use crate::Result;
 use crate::data::files::LabelFile;
-use crate::report::gate::SiteAreas;
+use crate::findings::gate::SiteAreas;
 use crate::report::{Class, Coloring};
 use std::path::PathBuf;
 

@@ -3,9 +3,9 @@
 use super::view::REST;
 use super::{Page, View};
 use crate::data::files::Provenance;
+use crate::findings::{Findings, openings_words};
 use crate::geom::units::Unit;
-use crate::report::findings::{Findings, openings_words};
-use crate::report::tables::{Cell, Table};
+use crate::tables::{Cell, Table};
 use crate::tool::cutter::ToolPart;
 use serde_json::Value;
 use std::fmt::Write;

@@ -14,10 +14,12 @@ mod view;
 pub use live::LivePage;
 pub use view::{Layer, Numbers, SiteValues, View};
 
+use crate::exec::memory::product;
+use crate::findings::FINDING_JSON_BYTES;
 use crate::geom::spacing::{Spacing, areas_on};
 use crate::geom::units::Unit;
 use crate::geom::{Mesh, Sites, check};
-use crate::report::memory::PartSize;
+use crate::render::memory::PartSize;
 use crate::storage::atomic_file;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -45,7 +47,7 @@ pub struct Page<'a> {
     pub views: &'a [View],
     /// Of lengths and areas.
     pub unit: Unit,
-    /// Outlines of what blocks beside the part, mm ([`outlines`](crate::report::outlines)).
+    /// Outlines of what blocks beside the part, mm ([`outlines`](crate::render::outlines)).
     pub outlines: &'a [[DVec3; 2]],
 }
 
@@ -105,7 +107,8 @@ impl Page<'_> {
         let n_number_bytes = self.sites.len().saturating_mul(of_site.sum());
         let findings = self.views.iter().flat_map(|view| &view.findings);
         let n_findings = findings.map(|findings| findings.list.len()).sum();
-        PartSize::of(self.mesh, self.sites).require_for_page(n_number_bytes, n_findings)
+        let findings_bytes = product([n_findings, FINDING_JSON_BYTES]);
+        PartSize::of(self.mesh, self.sites).require_for_page(n_number_bytes, findings_bytes)
     }
 
     fn is_detailed(&self) -> bool {
@@ -195,7 +198,7 @@ fn add_view(block: &mut Block, v: usize, view: &View, detailed: bool) -> Value {
         values.push(json!({ "name": value.name, "unit": value.unit, "real": real }));
     }
     let findings = view.findings.as_ref().map(|found| {
-        let of = |f: &super::findings::Finding| {
+        let of = |f: &crate::findings::Finding| {
             json!({
                 "id": f.id,
                 "area_mm2": f.area_mm2,
@@ -225,10 +228,10 @@ mod tests {
     use crate::answers::SiteAnswers;
     use crate::data::files::settings::{PartSettings, StatedWarning};
     use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
+    use crate::findings::Findings;
     use crate::geom::sites::{SiteOptions, sample};
     use crate::geom::solids::cuboid;
     use crate::model::Prediction;
-    use crate::report::findings::Findings;
     use crate::tool::cutter::CutterParams;
 
     const HOSTILE: &str = "a</script><script>alert(1)</script>\"'<b>&amp;<!--";

@@ -9,7 +9,7 @@
 //! | `viewV.finding`, `viewV.valueK` | four bytes per site, unsigned or `f32` with 12 bits of mantissa; all first bytes, all second bytes, and so on |
 
 use crate::geom::Mesh;
-use crate::report::raster::Surface;
+use crate::render::raster::Surface;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use glam::{DVec3, Vec3};

@@ -3,12 +3,12 @@
 use super::tool::ToolAt;
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::data::files::{AnalysisSettings, LabelFile, PredictionFile, Provenance};
-use crate::report::color::{LABELS, PART_ITSELF, layered};
-use crate::report::findings::Findings;
+use crate::findings::Findings;
+use crate::render::color::{LABELS, PART_ITSELF, layered};
 use crate::report::folder::rest;
 use crate::report::points::PointValues;
-use crate::report::tables::Table;
 use crate::report::{Class, Coloring, DARK_AND_LIGHT, Rgb, folder};
+use crate::tables::Table;
 use serde_json::Value;
 
 /// The name of rests in [`View::values`]; the script draws them in a section.

@@ -1,7 +1,7 @@
 //! Tool axes as a machine takes them: angles of its rotary axes, or of a tilted plane.
 
 use crate::planning::setups::{Machine, plane_euler_deg};
-use crate::report::tables::Cell;
+use crate::tables::Cell;
 use glam::DVec3;
 
 /// Key and heading of an axis in the first pose, then in the second.

@@ -3,7 +3,7 @@
 use super::turned_mesh;
 use crate::data::files::label_query::joined;
 use crate::geom::Mesh;
-use crate::report::tables::Cell;
+use crate::tables::Cell;
 use glam::DMat3;
 
 /// What holds the part in a setup.

@@ -14,10 +14,10 @@ use deepmill::nn::params::Layout;
 use deepmill::nn::pass::{Backward, Context};
 use deepmill::nn::strided_conv::{OctreeStridedConv, OutputRows};
 use deepmill::par;
-use deepmill::report::tables::{Cell, Table};
 use deepmill::scalar;
 use deepmill::simd::Isa;
 use deepmill::simd::gemm::matmul_rows;
+use deepmill::tables::{Cell, Table};
 use serde_json::json;
 
 /// Time every kind of layer, forward and backward, against this machine's own matrix product.

@@ -10,11 +10,11 @@ use deepmill::Result;
 use deepmill::analysis::{Outcome, PerDirectionFacts};
 use deepmill::answers::Definition;
 use deepmill::data::files::tools::Tool;
+use deepmill::findings::gate::SiteAreas;
 use deepmill::geom::Sites;
 use deepmill::geom::spacing::Spacing;
 use deepmill::report::coverage::{Coverage, Shares};
-use deepmill::report::gate::SiteAreas;
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 use serde_json::{Value, json};
 
 /// Says premise, facts, what blocks, warnings and findings; as JSON for the result.

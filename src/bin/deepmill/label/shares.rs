@@ -1,10 +1,10 @@
 //! Shares, clearances and the bottom rule as facts.
 
 use deepmill::access::{Labels, bottom_sites};
+use deepmill::findings::gate::SiteAreas;
 use deepmill::geom::Sites;
 use deepmill::report::coverage::Shares;
-use deepmill::report::gate::SiteAreas;
-use deepmill::report::tables::{Cell, Facts};
+use deepmill::tables::{Cell, Facts};
 
 /// Adds the middle clearance of the accessible sites, if there are clearances.
 pub fn add_clearance(facts: &mut Facts, labels: &Labels) {

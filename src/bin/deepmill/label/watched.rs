@@ -5,7 +5,7 @@ use crate::baseline::today;
 use crate::output::{Output, limits_broken};
 use crate::watch::{Answer, Look, Watched, writer};
 use deepmill::analysis::{Observer, Outcome};
-use deepmill::report::baseline::Baseline;
+use deepmill::findings::baseline::Baseline;
 use deepmill::{Error, Result};
 use std::path::PathBuf;
 

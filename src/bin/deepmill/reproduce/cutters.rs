@@ -11,7 +11,7 @@ use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
 use deepmill::model::config::CutterPlacement;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::evaluate;
 use serde_json::Value;
 

@@ -11,7 +11,7 @@ use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
 use deepmill::report::curves::{Chart, Series, write_curves};
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::Settings;
 use serde_json::Value;
 

@@ -16,7 +16,7 @@ use deepmill::directions::Directions;
 use deepmill::geom::Sites;
 use deepmill::model::AnyModel;
 use deepmill::report::Coloring;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use serde_json::Value;
 use std::time::Instant;
 

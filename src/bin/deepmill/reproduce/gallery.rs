@@ -16,8 +16,8 @@ use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
 use deepmill::metrics::Confusion;
 use deepmill::model::AnyModel;
-use deepmill::report::tables::{Cell, Table};
 use deepmill::report::{Coloring, DARK_AND_LIGHT};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::HeadScore;
 use serde_json::Value;
 

@@ -9,7 +9,7 @@ use deepmill::Result;
 use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::model::graph_sage::GraphSageConfig;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::{Settings, evaluate};
 use serde_json::Value;
 

@@ -12,8 +12,8 @@ use deepmill::data::generated;
 use deepmill::directions::Directions;
 use deepmill::geom::Sites;
 use deepmill::report::curves::{Chart, Series, write_curves};
-use deepmill::report::tables::{Cell, Table};
 use deepmill::report::{Class, Coloring};
+use deepmill::tables::{Cell, Table};
 use serde_json::Value;
 
 /// What is swept, mm; the other length stays at [`OTHER`].

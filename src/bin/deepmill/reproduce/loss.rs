@@ -10,7 +10,7 @@ use deepmill::cutter::CutterSet;
 use deepmill::data::augment::{Augment, Turn};
 use deepmill::data::online::OnlineSettings;
 use deepmill::report::curves::write_curves;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::{Reduction, Settings};
 use serde_json::Value;
 

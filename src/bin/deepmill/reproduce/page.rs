@@ -1,7 +1,7 @@
 //! The page of an experiment: what it is, its table, its pictures.
 
 use super::study::Study;
-use deepmill::report::tables::Table;
+use deepmill::tables::Table;
 use deepmill::{Result, atomic_file};
 use serde_json::{Value, json};
 

@@ -8,7 +8,7 @@ use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::data::Sample;
 use deepmill::report::curves::{Chart, Series, write_curves};
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::{Observer, Run, Settings, StepReport};
 use deepmill::{Error, Result, atomic_file};
 use indicatif::ProgressBar;

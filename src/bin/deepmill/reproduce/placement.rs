@@ -9,7 +9,7 @@ use deepmill::access::Labeler;
 use deepmill::cutter::CutterSet;
 use deepmill::model::config::CutterPlacement;
 use deepmill::report::curves::write_curves;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use serde_json::Value;
 
 const PLACEMENTS: [(CutterPlacement, &str); 4] = [

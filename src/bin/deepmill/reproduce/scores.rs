@@ -2,7 +2,7 @@
 
 use super::trainings::{Trained, Trainings};
 use deepmill::report::curves::{Chart, Series};
-use deepmill::report::tables::Cell;
+use deepmill::tables::Cell;
 use deepmill::train::{EpochRow, HeadScore};
 
 /// Headings of [`cells`], with their keys.

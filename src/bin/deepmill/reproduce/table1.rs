@@ -13,7 +13,7 @@ use deepmill::cutter::{Cutter, CutterSet};
 use deepmill::data::Sample;
 use deepmill::directions::Directions;
 use deepmill::model::AnyModel;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::{Evaluation, HeadScore};
 use serde_json::Value;
 use std::sync::Arc;

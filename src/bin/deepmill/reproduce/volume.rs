@@ -17,7 +17,7 @@ use deepmill::directions::Directions;
 use deepmill::model::AnyModel;
 use deepmill::report::image::Image;
 use deepmill::report::section;
-use deepmill::report::tables::{Cell, Table};
+use deepmill::tables::{Cell, Table};
 use deepmill::train::{Settings, evaluate};
 use deepmill::{Error, Result};
 use serde_json::Value;

@@ -7,7 +7,7 @@ use crate::output::{Output, limits_broken};
 use crate::watch::{Answer, Look, Watched, writer};
 use deepmill::Result;
 use deepmill::analysis::Observer;
-use deepmill::report::baseline::Baseline;
+use deepmill::findings::baseline::Baseline;
 use std::path::PathBuf;
 
 impl Watched for Args {

@@ -6,7 +6,7 @@ use crate::baseline::today;
 use crate::output::{Output, limits_broken};
 use crate::watch::{Answer, Look, Watched, writer};
 use deepmill::analysis::Observer;
-use deepmill::report::baseline::Baseline;
+use deepmill::findings::baseline::Baseline;
 use deepmill::{Error, Result};
 use std::path::PathBuf;
 

@@ -8,7 +8,7 @@ mod cells;
 mod file;
 mod matching;
 
-use super::findings::{Bounds, Finding, FindingStatus, Findings, cause_words, untaken};
+use super::{Bounds, Finding, FindingStatus, Findings, cause_words, untaken};
 use crate::answers::SiteAnswer;
 use crate::geom::Sites;
 use crate::{Error, Result};
@@ -36,7 +36,7 @@ const SAME_SIZE: f64 = 1e-3;
 #[cfg_attr(not(feature = "generate"), doc = "```ignore")]
 /// use deepmill::analysis::Analysis;
 /// use deepmill::data::files::tools::Tool;
-/// use deepmill::report::baseline::Baseline;
+/// use deepmill::findings::baseline::Baseline;
 /// use deepmill::{geom::solids, glam::DVec3};
 ///
 /// # let temporary = tempfile::tempdir().unwrap();

@@ -10,7 +10,7 @@
 //!            of 'finding' also 'mm3' or 'mm³': the most that is left about one; 'in2' and so on for other units
 //! ```
 
-use super::findings::{Finding, FindingStatus, Findings};
+use super::{Finding, FindingStatus, Findings};
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::geom::units::length::unit_mm;
 use crate::geom::{Mesh, Sites, spacing};
@@ -240,7 +240,7 @@ impl Limit {
     }
 
     /// Whether it is about all tools together: to be held against the answers
-    /// [`for_all_tools`](super::findings::for_all_tools).
+    /// [`for_all_tools`](super::for_all_tools).
     pub fn is_about_all_tools(&self) -> bool {
         matches!(self.quantity, NO_TOOL | REST)
     }

@@ -3,7 +3,7 @@
 use super::cells::{N_FACINGS, Run};
 use super::{Baseline, KnownFinding, ScatteredCells, is_date};
 use crate::answers::SiteAnswer;
-use crate::report::findings::Bounds;
+use crate::findings::Bounds;
 use crate::storage::{atomic_file, input_file};
 use crate::{Error, Result};
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! The table of findings.
 
 use super::{Finding, Findings, Scattered};
-use crate::report::tables::{Cell, Table};
+use crate::tables::{Cell, Table};
 
 /// The columns of `findings.csv`; those without a heading are for programs.
 const COLUMNS: [(&str, &str); 33] = [

@@ -5,13 +5,14 @@
 //! the smaller ones are summed as [`Scattered`], so that all areas together are the area that is not accessible.
 
 mod advice;
+pub mod baseline;
 mod checked;
 mod columns;
 mod fixtures;
+pub mod gate;
 mod ids;
 mod together;
 
-use super::memory::{FINDING_JSON_BYTES, PartSize};
 use crate::answers::{SiteAnswer, SiteAnswers};
 use crate::data::files::Provenance;
 use crate::exec::memory::{product, require};
@@ -188,7 +189,7 @@ impl Findings {
             let (found, remedy) = (answers.len(), "give the sites of the answers");
             return Err(Error::argument("number of answers", found, format!("{n}"), remedy));
         }
-        PartSize::of(mesh, sites).require_for_regions()?;
+        require_for_regions(mesh, sites)?;
         let areas = spacing::areas_on(sites, mesh)?;
         let marks: Vec<Option<u8>> = (0..n).map(|i| cause(answers, i).map(|c| c as u8)).collect();
         let region = regions::regions(sites, mesh, &areas, &marks)?;
@@ -288,8 +289,22 @@ impl Findings {
     }
 }
 
+/// A site while regions are found: trees and lists.
+const REGION_SITE_BYTES: usize = 256;
+/// A triangle: its neighbors and the edges that they are found by.
+const REGION_TRIANGLE_BYTES: usize = 64;
+/// A finding as JSON.
+pub(crate) const FINDING_JSON_BYTES: usize = 4096;
 /// A finding, while all are listed, sorted and parted.
 const FINDING_BYTES: usize = 4 * size_of::<Finding>();
+
+/// Regions of sites, before their number is known.
+fn require_for_regions(mesh: Option<&Mesh>, sites: &Sites) -> Result<()> {
+    let of_sites = product([sites.len(), REGION_SITE_BYTES]);
+    let n_triangles = mesh.map_or(0, |mesh| mesh.triangles.len());
+    let needed = of_sites.saturating_add(product([n_triangles, REGION_TRIANGLE_BYTES]));
+    require("finding the regions", needed, "take fewer sites")
+}
 
 /// The findings of so many regions.
 fn require_for_findings(n_regions: usize) -> Result<()> {

@@ -58,7 +58,7 @@ pub enum Coloring<'a> {
 
 const PLAIN: [Class<'static>; 1] = [Class { name: "site", color: [176, 186, 198] }];
 
-pub(super) const LABELS: [Class<'static>; 4] = [
+pub(crate) const LABELS: [Class<'static>; 4] = [
     Class { name: "accessible", color: [205, 208, 212] },
     Class { name: "inaccessible", color: [206, 58, 44] },
     Class { name: "occlusion", color: [245, 196, 50] },
@@ -116,7 +116,7 @@ pub fn class_of_part_itself(answer: SiteAnswer, occlusion: bool) -> usize {
 }
 
 /// Answers and a layer upon them: the groups without the layer, and the color that each has with it.
-pub(super) fn layered(
+pub(crate) fn layered(
     with_layer: &'static [Class<'static>],
 ) -> (&'static [Class<'static>], Vec<Rgb>) {
     let (answers, layer) = with_layer.split_at(with_layer.len() / 2);

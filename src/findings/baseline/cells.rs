@@ -1,7 +1,7 @@
 //! Where a known finding is: cells of a grid in the part's box, and the side that the surface in them faces.
 
+use crate::findings::Bounds;
 use crate::geom::Sites;
-use crate::report::findings::Bounds;
 use glam::DVec3;
 use std::collections::BTreeMap;
 

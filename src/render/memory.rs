@@ -25,16 +25,10 @@ const PAGE_SITE_BYTES: usize = 256;
 const PAGE_NUMBER_BYTES: usize = 8;
 /// Scripts, styles and tables of a page.
 const PAGE_WORDS_BYTES: u64 = 4 << 20;
-/// A site while regions are found: trees and lists.
-const REGION_SITE_BYTES: usize = 256;
-/// A triangle: its neighbors and the edges that they are found by.
-const REGION_TRIANGLE_BYTES: usize = 64;
-/// A finding as JSON.
-pub(super) const FINDING_JSON_BYTES: usize = 4096;
 
 /// How much there is to draw.
 #[derive(Clone, Copy)]
-pub(super) struct PartSize {
+pub struct PartSize {
     n_sites: usize,
     n_triangles: usize,
     n_vertices: usize,
@@ -82,21 +76,15 @@ impl PartSize {
         require("the glTF file", needed, remedy)
     }
 
-    /// A page with so many bytes of numbers in its tabs, and so many findings.
-    pub fn require_for_page(&self, n_number_bytes: usize, n_findings: usize) -> Result<()> {
+    /// A page with so many bytes of numbers in its tabs, and of findings.
+    pub fn require_for_page(&self, n_number_bytes: usize, findings_bytes: u64) -> Result<()> {
         let needed = sum([
             self.bytes(PAGE_SITE_BYTES, PAGE_TRIANGLE_BYTES, VERTEX_BYTES),
             product([n_number_bytes, PAGE_NUMBER_BYTES]),
-            product([n_findings, FINDING_JSON_BYTES]),
+            findings_bytes,
             PAGE_WORDS_BYTES,
         ]);
         require("the page", needed, "write no page, or take fewer sites, tools or a simpler mesh")
-    }
-
-    /// Regions of sites, before their number is known.
-    pub fn require_for_regions(&self) -> Result<()> {
-        let needed = self.bytes(REGION_SITE_BYTES, REGION_TRIANGLE_BYTES, 0);
-        require("finding the regions", needed, "take fewer sites")
     }
 }
 
@@ -116,11 +104,10 @@ mod tests {
             many.require_for_picture(100),
             many.require_for_gltf(many.n_drawn()),
             many.require_for_page(100, 1),
-            many.require_for_regions(),
             few.require_for_picture(usize::MAX),
             few.require_for_gltf(usize::MAX),
             few.require_for_page(usize::MAX, 1),
-            few.require_for_page(1, usize::MAX),
+            few.require_for_page(1, u64::MAX),
         ] {
             if cfg!(target_os = "linux") {
                 let message = refused.unwrap_err().to_string();

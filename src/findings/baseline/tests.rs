@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::answers::{SiteAnswer, SiteAnswers};
+use crate::findings::bounds_of;
+use crate::findings::gate::Limit;
 use crate::geom::Mesh;
 use crate::geom::sites::{SiteOptions, sample};
 use crate::geom::solids::cuboid;
-use crate::report::findings::bounds_of;
-use crate::report::gate::Limit;
 use glam::{Vec3, dvec3};
 
 const DAY: &str = "2026-01-31";

@@ -103,7 +103,7 @@ fn significant(x: f64) -> String {
 /// Rows of cells under named columns.
 ///
 /// ```
-/// use deepmill::report::tables::{Cell, Table};
+/// use deepmill::tables::{Cell, Table};
 ///
 /// let mut table = Table::new(&[("tool", "tool"), ("reach", "reaches"), ("n_sites", "")]);
 /// table.row([Cell::text("T1"), Cell::Share(0.625), Cell::count(500)]);

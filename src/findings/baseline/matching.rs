@@ -2,8 +2,8 @@
 
 use super::cells::Cover;
 use super::{KnownFinding, SMALL_SITES};
+use crate::findings::{Finding, Findings};
 use crate::geom::Sites;
-use crate::report::findings::{Finding, Findings};
 use glam::DVec3;
 use std::collections::HashMap;
 
