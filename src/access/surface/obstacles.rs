@@ -106,7 +106,8 @@ impl TriangleObstacles {
     ///
     /// # Errors
     /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not
-    /// below the cutter's radius, an option is outside its domain, or the answers would not fit into the memory.
+    /// below the cutter's radius, an option is outside its domain, β of a tool given by its profile is wanted, or the
+    /// answers would not fit into the memory.
     pub fn label<'a>(
         &self,
         queries: impl Into<Queries<'a>>,
