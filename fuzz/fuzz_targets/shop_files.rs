@@ -5,8 +5,8 @@
 mod scratch;
 
 use deepmill::data::files::{machines, matrix::AccessMatrix, safety};
-use deepmill::glam::DVec3;
 use deepmill::findings::baseline::Baseline;
+use deepmill::glam::DVec3;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {

@@ -32,8 +32,8 @@ fn hash() -> Result<u64> {
     let mut answers = Vec::new();
     for labeler in &labelers {
         let answer = labeler.answer(&sites, &Cutter::ball_end(cutter)?)?;
-        answer.inaccessible.iter().for_each(|is| hash.add(&[u8::from(*is)]));
-        answer.accessible_directions.iter().for_each(|n| hash.add(&n.to_le_bytes()));
+        answer.inaccessible().iter().for_each(|is| hash.add(&[u8::from(*is)]));
+        answer.accessible_directions().iter().for_each(|n| hash.add(&n.to_le_bytes()));
         answers.push(answer);
     }
     let sites = Arc::new(sites);
