@@ -43,13 +43,13 @@ const ACCEPTED: &[(&str, &str, &str, &str)] = &[
     (
         "avx2",
         "search::Search",
-        "not inlined: deepmill::access::pruned::search::cell_bins::CellBins::lay_out",
+        "not inlined: deepmill::access::points::pruned::search::cell_bins::CellBins::lay_out",
         "the size of the cells, once a direction, in f64",
     ),
     (
         "avx512",
         "search::Search",
-        "not inlined: deepmill::access::pruned::search::cell_bins::CellBins::lay_out",
+        "not inlined: deepmill::access::points::pruned::search::cell_bins::CellBins::lay_out",
         "as at AVX2",
     ),
 ];
