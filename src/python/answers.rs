@@ -332,8 +332,8 @@ impl Outcome {
     }
 }
 
-/// The answers about one tool. Arrays are read-only views, if they are not called copies, one entry per site; None is what
-/// was not computed.
+/// The answers about one tool. Arrays are read-only, if they are not called copies, one entry per site; None is what was
+/// not computed.
 #[pyclass(frozen, module = "deepmill")]
 pub struct ToolAnswers {
     outcome: Arc<analysis::Outcome>,
@@ -362,14 +362,14 @@ impl ToolAnswers {
         Tool { tool: self.outcome.tools()[self.k].clone(), of_file: false }
     }
 
-    /// In every direction what does not cut, or the flank, collides: bool [n], a copy.
+    /// In every direction what does not cut, or the flank, collides: bool [n].
     #[getter]
     fn inaccessible<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
         flags(py, self.answers().inaccessible())
     }
 
-    /// In some direction only the tip penetrates the part, in none nothing does: bool [n], a copy; None by the
-    /// published definition.
+    /// In some direction only the tip penetrates the part, in none nothing does: bool [n]; None by the published
+    /// definition.
     #[getter]
     fn tip_does_not_fit<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
         flags(py, self.answers().tip_does_not_fit())

@@ -129,7 +129,7 @@ pub struct Prediction {
 
 #[pymethods]
 impl Prediction {
-    /// The cutter collides in every direction: bool [n], a copy.
+    /// The cutter collides in every direction: bool [n].
     #[getter]
     fn inaccessible<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
         flags(py, self.answers.inaccessible())

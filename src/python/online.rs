@@ -266,7 +266,7 @@ impl Sample {
         list(this, |of| &of.cutter[..])
     }
 
-    /// The cutter collides in every direction: bool [n], a copy.
+    /// The cutter collides in every direction: bool [n].
     #[getter]
     fn inaccessible<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
         flags(py, self.sample.answers.inaccessible())

@@ -42,9 +42,14 @@ where
     (!pick(owner.get()).is_empty()).then(|| view(owner, |of| ArrayView1::from(pick(of))))
 }
 
-/// An array of flags that are made for it; none of an empty one: it was not computed.
+/// A read-only array of flags that are made for it; none of an empty one: it was not computed.
 pub fn flags<'py>(py: Python<'py>, flags: Vec<bool>) -> Option<Bound<'py, PyArray<bool, Ix1>>> {
-    (!flags.is_empty()).then(|| flags.into_pyarray(py))
+    if flags.is_empty() {
+        return None;
+    }
+    let array = flags.into_pyarray(py);
+    array.readwrite().make_nonwriteable();
+    Some(array)
 }
 
 /// [`view`] of rows of a fixed length.
