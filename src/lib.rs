@@ -39,8 +39,9 @@
 //! # Ok::<(), deepmill::Error>(())
 //! ```
 //!
-//! `examples/` has seven programs: three tools and a report, label a mesh, drop heights of a tool, predict, a network of one's own, the gradient check of
-//! a layer of one's own, training that stops and resumes.
+//! `examples/` has eight programs: three tools and a report, label a mesh, drop heights of a tool, predict, a network of
+//! one's own, the gradient check of a layer of one's own, training that stops and resumes, tests of poses for comparison
+//! with other programs.
 //!
 //! # Features
 //!
