@@ -16,6 +16,7 @@ use crate::tool::directions::Directions;
 #[cfg_attr(feature = "weights", doc = "```")]
 #[cfg_attr(not(feature = "weights"), doc = "```ignore")]
 /// use deepmill::access::Labeler;
+/// use deepmill::answers::SiteAnswer;
 /// use deepmill::model::{Model, Predictor};
 /// use deepmill::{cutter::Cutter, geom::Sites};
 /// use deepmill::glam::Vec3;
@@ -25,8 +26,8 @@ use crate::tool::directions::Directions;
 /// let labeler = Labeler::published();
 /// let predictor = Predictor::new(Model::shipped()?).allow_out_of_domain(); // two sites are few
 /// let (exact, predicted) = (labeler.answer(&sites, &cutter)?, predictor.answer(&sites, &cutter)?);
-/// assert_eq!(exact.inaccessible().len(), predicted.inaccessible().len());
-/// assert!(!exact.inaccessible()[0] && exact.witness()[1].is_some());
+/// assert_eq!(exact.len(), predicted.len());
+/// assert!(exact.of(0) != SiteAnswer::Inaccessible && exact.witness()[1].is_some());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug)]

@@ -60,7 +60,7 @@ impl Sample {
         let n = self.sites.len();
         let lengths = [
             ("normals", if self.is_volume() { n } else { self.sites.normals.len() }),
-            ("inaccessible", self.answers.inaccessible().len()),
+            ("inaccessible", self.answers.len()),
             ("occlusion", self.answers.occlusion.len()),
         ];
         match lengths.iter().find(|(_, len)| *len != n) {

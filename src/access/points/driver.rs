@@ -315,11 +315,9 @@ fn run<M: Method>(
     let order = group_by_reference_point(&mut cutters);
     let mut labels = collide(method, scene, &cutters, &order, frames);
     for labels in &mut labels {
-        for (answer, _) in
-            labels.answers.of_sites.iter_mut().zip(&scene.bottom).filter(|(_, at)| **at)
-        {
-            *answer = SiteAnswer::Accessible;
-        }
+        let of_sites = labels.answers.of_sites.iter_mut().zip(&scene.bottom);
+        let at_bottom = of_sites.filter(|(_, at_bottom)| **at_bottom);
+        at_bottom.for_each(|(answer, _)| *answer = SiteAnswer::Accessible);
     }
     if options.occlusion {
         count(method, scene, &cutters, frames, &mut labels);

@@ -205,8 +205,8 @@ impl SurfaceLabels {
         n as f64 / self.answers.len().max(1) as f64
     }
 
-    /// Without β.
-    pub fn labels(self) -> Labels {
+    /// As labels without β.
+    pub fn into_labels(self) -> Labels {
         let SurfaceLabels { answers, accessible_directions, clearance_mm, evidence } = self;
         let direction = |pose: &Option<WitnessPose>| Some(pose.as_ref()?.direction);
         let answers = SiteAnswers {

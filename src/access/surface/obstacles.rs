@@ -118,7 +118,7 @@ impl TriangleObstacles {
         let _floats = par::DefaultFloats::set();
         let queries = queries.into();
         let (Queries::Sites(sites), true) = (queries, options.occlusion) else {
-            return Ok(self.surface_labels(queries, cutter, directions, options)?.labels());
+            return Ok(self.surface_labels(queries, cutter, directions, options)?.into_labels());
         };
         require_steps(cutter.profile(), "turn occlusion off")?;
         let labels = self.surface_labels(queries, cutter, directions, options)?;
@@ -129,7 +129,7 @@ impl TriangleObstacles {
             false => Counted::Greatest(n_of_share(options.share, sites.len())),
         };
         let beta = count_beta((sites, which), shrunk, directions, &labels.inaccessible())?;
-        let mut labels = labels.labels();
+        let mut labels = labels.into_labels();
         labels.answers.occlusion = occlusion_points(&beta, options.share);
         if options.beta {
             labels.beta = beta;
