@@ -26,8 +26,8 @@ pub struct SurfaceEvidence {
     /// The finish tolerance, mm.
     #[doc(hidden)] // of the program
     pub finish_mm: f64,
-    /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::surface::WIDE_MM) alone; empty if none
-    /// is, or nobody asked
+    /// Per query, whether it is accessible by a gouge tolerance above [`WIDE_MM`](super::surface::WIDE_MM) alone; empty
+    /// if none is, or it was not computed
     /// ([`TriangleObstacles::rest_on_wide_tolerance`](super::surface::TriangleObstacles::rest_on_wide_tolerance)).
     #[doc(hidden)] // of warnings
     pub rests_on_tolerance: Vec<bool>,

@@ -2,6 +2,7 @@
 
 use super::{Finding, Findings};
 use crate::geom::{Mesh, Sites};
+use crate::storage::input_file;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -88,10 +89,7 @@ impl Findings {
     #[doc(hidden)] // of the program
     pub fn take_ids(&mut self, folder: &Path) {
         let path = folder.join(super::FINDINGS[0]);
-        let Ok(bytes) = crate::storage::input_file::read(&path, crate::storage::input_file::TEXT)
-        else {
-            return;
-        };
+        let Ok(bytes) = input_file::read(&path, input_file::TEXT) else { return };
         let Ok(value) = serde_json::from_slice::<Value>(&bytes) else { return };
         let mut written = HashMap::new();
         for of in value["findings"].as_array().into_iter().flatten() {

@@ -266,12 +266,12 @@ mod tests {
     use super::super::testing::{self, large_octree, octrees, require_gradients};
     use super::*;
     use crate::conformance::gradcheck::probe;
+    use crate::numeric::rng::{Purpose, Stream};
     use crate::octree::{Cloud, OctreeOptions};
 
     /// Query points all over the cube, its faces included, for each shape.
     fn queries(octree: &Octree, n: usize) -> (Vec<Vec3>, Vec<Range<usize>>) {
-        let mut stream =
-            crate::numeric::rng::Stream::new(4, 0, 0, crate::numeric::rng::Purpose::Probe);
+        let mut stream = Stream::new(4, 0, 0, Purpose::Probe);
         let n_points = n * octree.n_shapes();
         let mut coordinate = || (stream.range(-1.1, 1.1) as f32).clamp(-1.0, 1.0);
         let points = (0..n_points).map(|_| Vec3::from_array([0; 3].map(|_| coordinate())));

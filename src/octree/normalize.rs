@@ -140,6 +140,7 @@ pub(crate) fn clip(points: &[Vec3], limit: f32) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::rng::{Purpose, Stream};
 
     #[test]
     fn both_cubes_are_as_defined() {
@@ -157,8 +158,7 @@ mod tests {
 
     #[test]
     fn rounding_never_leaves_the_unit_cube() {
-        let mut stream =
-            crate::numeric::rng::Stream::new(3, 0, 0, crate::numeric::rng::Purpose::Probe);
+        let mut stream = Stream::new(3, 0, 0, Purpose::Probe);
         for _ in 0..300 {
             let mut coordinate = || stream.range(-1.0, 1.0) as f32 * 37.7;
             let points: Vec<Vec3> =

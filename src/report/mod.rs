@@ -1,7 +1,8 @@
 //! Tables, colored point clouds, pictures and pages of results.
 //!
-//! [`coverage`] is about several tools at once, [`tables`](crate::tables) show numbers. `analysis` computes the results and writes all
-//! files of a report; [`findings`](crate::findings) lists regions that no tool reaches.
+//! [`coverage`] is about several tools at once, [`tables`](crate::tables) show numbers,
+//! [`findings`](crate::findings) lists regions that no tool reaches. `analysis` computes the results and writes all files
+//! of a report.
 
 pub mod coverage;
 #[doc(hidden)] // of the program

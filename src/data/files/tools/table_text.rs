@@ -5,6 +5,7 @@ use crate::{Error, Result};
 use csv::{Position, ReaderBuilder, StringRecord, Trim};
 use std::path::Path;
 
+/// The text of a table, and where it is from.
 pub(super) struct TableText<'a> {
     pub path: &'a Path,
     text: &'a str,
