@@ -15,10 +15,8 @@ fn main() {
     let options = SiteOptions::default().with_n_sites(7000);
     let parts: Vec<_> = (0..2).map(|i| sample(&mixed_part(0, i), &options)).collect();
     let parts: Vec<_> = parts.into_iter().filter_map(Result::ok).collect();
-    let shapes: Vec<Shape> = parts
-        .iter()
-        .map(|s| Shape { points: &s.points, normals: &s.normals, cutter_mm: CUTTER_MM })
-        .collect();
+    let shapes: Vec<Shape> =
+        parts.iter().map(|s| Shape::new(&s.points, &s.normals, CUTTER_MM)).collect();
     for (name, config) in [("tiny", UNetConfig::tiny()), ("small", UNetConfig::small())] {
         let mut model = Model::<f32>::new(&config, 1).expect("a preset is a network");
         let arena = Arena::default();

@@ -46,7 +46,7 @@ fn batch(epoch: u64, step: u64, input: &InputConfig) -> Result<(Batch<f32>, Vec<
     let spheres = [(); 2].map(|()| [(); 600].map(|()| normal().normalize_or(Vec3::Z)));
     let class = |p: &Vec3| ((p.z + 1.0) * 2.5).min(4.0) as u8;
     // The network has no cutter module; the lengths only have to make a cutter.
-    let shape = |p| Shape { points: p, normals: p, cutter_mm: [1.0, 1.0, 2.0, 1.0] };
+    let shape = |p| Shape::new(p, p, [1.0, 1.0, 2.0, 1.0]);
     let shapes: Vec<Shape> = spheres.iter().map(|p| shape(p.as_slice())).collect();
     Ok((Batch::new(&shapes, input)?, spheres.iter().flatten().map(class).collect()))
 }

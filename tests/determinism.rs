@@ -29,7 +29,7 @@ fn batch(config: &UNetConfig) -> Batch<f32> {
     let clouds = [cloud(1500, 1), cloud(700, 2), cloud(900, 3)];
     let shapes: Vec<_> = clouds
         .iter()
-        .map(|(points, normals)| Shape { points, normals, cutter_mm: [1.5, 6.0, 40.0, 5.0] })
+        .map(|(points, normals)| Shape::new(points, normals, [1.5, 6.0, 40.0, 5.0]))
         .collect();
     Batch::new(&shapes, &config.input).unwrap()
 }

@@ -146,7 +146,7 @@ fn trained(config: &UNetConfig, parts: &[Sites]) -> Hash {
     let shapes: Vec<Shape> = parts
         .iter()
         .zip(CUTTERS)
-        .map(|(s, cutter_mm)| Shape { points: &s.points, normals: &s.normals, cutter_mm })
+        .map(|(s, cutter_mm)| Shape::new(&s.points, &s.normals, cutter_mm))
         .collect();
     let batch = Batch::new(&shapes, &config.input).unwrap();
     let mut model = Model::<f32>::new(config, 3).unwrap();

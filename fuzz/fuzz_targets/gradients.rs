@@ -44,11 +44,7 @@ fuzz_target!(|input: &[u8]| {
     let shapes: Vec<Shape> = [0..n, n..points.len()]
         .into_iter()
         .filter(|rows| !rows.is_empty())
-        .map(|rows| Shape {
-            points: &points[rows.clone()],
-            normals: &normals[rows],
-            cutter_mm: [1.5, 6.0, 40.0, 5.0],
-        })
+        .map(|rows| Shape::new(&points[rows.clone()], &normals[rows], [1.5, 6.0, 40.0, 5.0]))
         .collect();
     let Ok(batch) = Batch::<f64>::new(&shapes, &config.input) else { return };
     let arena = Arena::default();

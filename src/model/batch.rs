@@ -4,14 +4,16 @@ use super::coarse;
 use super::config::{CutterInput, InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
 use crate::exec::par;
+use crate::geom::Sites;
 use crate::geom::sites::{check_points, check_sites};
 use crate::nn::interp::Interpolation;
 use crate::nn::operand::Operand;
 use crate::numeric::scalar::Scalar;
-use crate::octree::{Cloud, CubeTransform, Octree};
+use crate::octree::{Cloud, CubeTransform, Features, Octree};
 use crate::tool::cutter::{Cutter, CutterParams};
 use crate::{Error, Result};
 use glam::Vec3;
+use std::borrow::Cow;
 
 /// One shape to be judged, in millimeters.
 ///
@@ -20,23 +22,59 @@ use glam::Vec3;
 /// use deepmill::model::{Batch, Shape, UNetConfig};
 ///
 /// let points = [Vec3::ZERO, Vec3::new(30.0, 0.0, 0.0)];
-/// let shape = Shape { points: &points, normals: &[Vec3::Z; 2], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// let shape = Shape::new(&points, &[Vec3::Z; 2], [1.5, 6.0, 40.0, 5.0]);
 /// assert_eq!(Batch::<f32>::new(&[shape], &UNetConfig::tiny().input)?.n_points(), 2);
-/// let long = Shape { normals: &[Vec3::new(0.0, 0.0, 2.0); 2], ..shape }; // no unit normals
+/// let long = [Vec3::new(0.0, 0.0, 2.0); 2]; // no unit normals
+/// let long = Shape::new(&points, &long, [1.5, 6.0, 40.0, 5.0]);
 /// assert!(Batch::<f32>::new(&[long], &UNetConfig::tiny().input).is_err());
 /// # Ok::<(), deepmill::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
-    /// Sites, mm.
-    pub points: &'a [Vec3],
-    /// Outward normals, one per site; none at all for points of the space around the part.
-    pub normals: &'a [Vec3],
-    /// CR, CH, FR, FH of the cutter, mm.
-    pub cutter_mm: [f64; N_LENGTHS],
+    pub(crate) points: &'a [Vec3],
+    pub(crate) normals: &'a [Vec3],
+    pub(crate) cutter_mm: [f64; N_LENGTHS],
+    surface: Option<&'a Sites>,
 }
 
-impl Shape<'_> {
+impl<'a> Shape<'a> {
+    /// Sites, mm, with their outward unit normals; none at all for points of the space around the part. CR, CH, FR, FH
+    /// of the cutter, mm.
+    pub fn new(points: &'a [Vec3], normals: &'a [Vec3], cutter_mm: [f64; N_LENGTHS]) -> Self {
+        Shape { points, normals, cutter_mm, surface: None }
+    }
+
+    /// With sites of the part's surface, mm, beside points of the space around it. An octree that reads normals holds
+    /// both; answers are about the points alone. One that reads positions alone leaves the surface out.
+    ///
+    /// ```
+    /// use deepmill::{geom::Sites, glam::Vec3};
+    /// use deepmill::model::{Batch, Shape, UNetConfig};
+    ///
+    /// let surface = Sites::new(vec![Vec3::ZERO, Vec3::X], vec![Vec3::Z; 2])?;
+    /// let above = [Vec3::new(0.5, 0.0, 3.0)];
+    /// let shape = Shape::new(&above, &[], [1.5, 6.0, 40.0, 5.0]).with_surface(&surface);
+    /// let input = UNetConfig::tiny().input; // reads normals
+    /// assert_eq!(Batch::<f32>::new(&[shape], &input)?.n_points(), 1);
+    /// # Ok::<(), deepmill::Error>(())
+    /// ```
+    pub fn with_surface(self, surface: &'a Sites) -> Self {
+        Shape { surface: Some(surface), ..self }
+    }
+
+    /// What the octree holds, in mm: the points, then the sites of the surface if it reads normals. Points of space
+    /// have normals of length 0 beside a surface.
+    fn seen(&self, features: Features) -> (Cow<'a, [Vec3]>, Cow<'a, [Vec3]>) {
+        match self.surface.filter(|_| features.needs_normals()) {
+            None => (self.points.into(), self.normals.into()),
+            Some(surface) => {
+                let none = vec![Vec3::ZERO; self.points.len()];
+                let points = [self.points, &surface.points].concat();
+                (points.into(), [&none, &surface.normals[..]].concat().into())
+            }
+        }
+    }
+
     /// Checks that a network can say something about the shape: sites that are somewhere, unit normals or none,
     /// and a cutter.
     ///
@@ -46,6 +84,15 @@ impl Shape<'_> {
         match self.normals {
             [] => check_points("point", self.points)?,
             normals => check_sites("site", self.points, normals)?,
+        }
+        if let Some(surface) = self.surface {
+            surface.check()?;
+            if !self.normals.is_empty() {
+                let (found, expected) =
+                    ("given", "none for points of space, which a surface is for");
+                let remedy = "leave out the normals of the points, or the surface";
+                return Err(Error::argument("normals", found, expected, remedy));
+            }
         }
         Cutter::ball_end(CutterParams::from_array(self.cutter_mm)).map(drop)
     }
@@ -62,8 +109,8 @@ impl Shape<'_> {
 ///
 /// let (config, arena) = (UNetConfig::tiny(), Arena::default());
 /// let points = [Vec3::ZERO, Vec3::new(30.0, 0.0, 0.0), Vec3::new(0.0, 20.0, 10.0)];
-/// let one = Shape { points: &points, normals: &[Vec3::Z; 3], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
-/// let other = Shape { points: &points[1..], normals: &[Vec3::X; 2], cutter_mm: [3.0, 6.0, 40.0, 20.0] };
+/// let one = Shape::new(&points, &[Vec3::Z; 3], [1.5, 6.0, 40.0, 5.0]);
+/// let other = Shape::new(&points[1..], &[Vec3::X; 2], [3.0, 6.0, 40.0, 20.0]);
 /// let [alone, both] = [Batch::<f32>::new(&[one], &config.input)?, Batch::new(&[one, other], &config.input)?];
 /// assert_eq!((both.n_shapes(), both.n_points()), (2, 5));
 /// let model = Model::new(&config, 1)?;
@@ -95,16 +142,19 @@ impl<T: Scalar> Batch<T> {
     /// normal that is not a unit vector, or lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
         let _floats = par::DefaultFloats::set();
-        let (mut points, mut cutters) = (Vec::new(), Vec::new());
+        let features = input.node_features()?;
+        let (mut seen, mut cutters) = (Vec::new(), Vec::new());
         for shape in shapes {
             shape.check()?;
-            let transform = input.normalization().transform(shape.points)?;
-            points.push(shape.points.iter().map(|&p| transform.apply(p)).collect::<Vec<_>>());
+            let (points, normals) = shape.seen(features);
+            let transform = input.normalization().transform(&points)?;
+            let points: Vec<_> = points.iter().map(|&p| transform.apply(p)).collect();
+            seen.push((points, normals));
             cutters.push(shape.cutter_mm.map(|mm| cutter_input(input.cutter, mm, &transform)));
         }
-        let clouds = points.iter().zip(shapes).map(|(points, s)| Cloud::new(points, s.normals));
-        let clouds: Vec<_> = clouds.collect();
-        Self::from_normalized(&clouds, &cutters, input)
+        let clouds: Vec<_> = seen.iter().map(|(points, n)| Cloud::new(points, n)).collect();
+        let n_points: Vec<_> = shapes.iter().map(|shape| shape.points.len()).collect();
+        Self::of_clouds(&clouds, &n_points, &cutters, input)
     }
 
     /// Like [`Batch::new`] for points that are normalized already and cutters in the network's unit.
@@ -119,7 +169,22 @@ impl<T: Scalar> Batch<T> {
         cutters: &[[f64; N_LENGTHS]],
         input: &InputConfig,
     ) -> Result<Self> {
+        let n_points: Vec<_> = clouds.iter().map(|cloud| cloud.points.len()).collect();
+        Self::of_clouds(clouds, &n_points, cutters, input)
+    }
+
+    /// Answers are about the first `n_points` of each cloud; others are of the surface.
+    fn of_clouds(
+        clouds: &[Cloud],
+        n_points: &[usize],
+        cutters: &[[f64; N_LENGTHS]],
+        input: &InputConfig,
+    ) -> Result<Self> {
         assert_eq!(clouds.len(), cutters.len(), "numbers of clouds and cutters differ");
+        let without = |cloud: &Cloud, n| cloud.normals.is_empty() || n < cloud.points.len();
+        if clouds.iter().zip(n_points).any(|(cloud, &n)| without(cloud, n)) {
+            input.check_without_normals()?;
+        }
         let octree = Octree::build(clouds, &input.octree())?;
         let node_features = input.node_features()?;
         let mut features = octree.features(node_features)?;
@@ -128,21 +193,17 @@ impl<T: Scalar> Batch<T> {
             features =
                 coarse::append(&octree, &features, node_features.n_channels(), &coarse_answers);
         }
-        if input.point_normals && octree.leaf_normals.is_empty() {
-            let (found, expected) = ("true", "false for points without normals");
-            let remedy = "give the points normals, or train without (docs/training.md)";
-            return Err(Error::argument("point_normals", found, expected, remedy));
-        }
-        let points: Vec<Vec3> = clouds.iter().flat_map(|c| c.points).copied().collect();
+        let answered = || clouds.iter().zip(n_points);
+        let points: Vec<Vec3> = answered().flat_map(|(c, &n)| &c.points[..n]).copied().collect();
+        let ends = n_points.iter().scan(0, |end, n| {
+            *end += n;
+            Some(*end)
+        });
+        let ranges: Vec<_> = ends.zip(n_points).map(|(end, n)| end - n..end).collect();
         let normals = clouds.iter().filter(|_| input.point_normals).flat_map(|c| c.normals);
         let point_normals = normals.flat_map(|n| n.to_array());
         Ok(Batch {
-            interpolation: Interpolation::linear(
-                &octree,
-                octree.depth(),
-                &points,
-                &octree.point_ranges,
-            ),
+            interpolation: Interpolation::linear(&octree, octree.depth(), &points, &ranges),
             features: features.into_iter().map(|f| T::from_f64(f64::from(f))).collect(),
             cutters: cutters.as_flattened().iter().map(|&c| T::from_f64(c)).collect(),
             point_normals: point_normals.map(|x| T::from_f64(f64::from(x))).collect(),
@@ -165,9 +226,9 @@ impl<T: Scalar> Batch<T> {
         self.octree.n_shapes()
     }
 
-    /// Number of points over all shapes.
+    /// Number of points over all shapes that answers are about.
     pub fn n_points(&self) -> usize {
-        self.octree.n_points()
+        self.interpolation.n_points()
     }
 }
 

@@ -19,12 +19,12 @@
 
 use super::config::{InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
+use crate::Result;
 use crate::access::{self, LabelOptions, Obstacles, occlusion_points};
 use crate::geom::Sites;
 use crate::octree::{Cloud, Octree};
 use crate::tool::cutter::{Cutter, CutterParams};
 use crate::tool::directions::Directions;
-use crate::{Error, Result};
 
 /// A cutter's lengths are at least that; in the cube `[-1, 1]³` no site is told from another by less.
 const SHORTEST: f64 = 1e-4;
@@ -41,7 +41,7 @@ const OCCLUSION_SHARE: f64 = 0.1;
 /// Coarse answers, `[n_points, N_COARSE]`, of normalized clouds and cutters in their unit; empty if the network does not read them.
 ///
 /// # Errors
-/// If the clouds have no normals.
+/// If a tool is none.
 pub(super) fn answers(
     clouds: &[Cloud],
     cutters: &[[f64; N_LENGTHS]],
@@ -56,11 +56,6 @@ pub(super) fn answers(
     let options = LabelOptions { occlusion: false, ..LabelOptions::default() };
     let mut rows = Vec::new();
     for (cloud, &cutter) in clouds.iter().zip(cutters) {
-        if cloud.normals.is_empty() {
-            let (found, expected) = (input.coarse_directions, "0 for points without normals");
-            let remedy = "give the points normals, or train without (docs/training.md)";
-            return Err(Error::argument("coarse_directions", found, expected, remedy));
-        }
         let (points, normals) = (cloud.points.to_vec(), cloud.normals.to_vec());
         let sites = Sites { points, normals, faces: Vec::new() };
         let tools = tools(cutter, input)?;
@@ -152,7 +147,7 @@ mod tests {
     }
 
     fn shape(sites: &Sites) -> Shape<'_> {
-        Shape { points: &sites.points, normals: &sites.normals, cutter_mm: CUTTER }
+        Shape::new(&sites.points, &sites.normals, CUTTER)
     }
 
     /// Lengths are scaled with the part, so labels in millimeters are the same but for sites that rounding decides.

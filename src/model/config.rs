@@ -154,6 +154,23 @@ impl InputConfig {
         self.features.parse()
     }
 
+    /// Demands that it reads neither normals of points nor coarse answers about them.
+    ///
+    /// # Errors
+    /// If it does.
+    pub(super) fn check_without_normals(&self) -> Result<()> {
+        let remedy = "give the points normals, or train without (docs/training.md)";
+        let refused = |name, found: String, none: &str| {
+            let expected = format!("{none} for points without normals");
+            Err(Error::argument(name, found, expected, remedy))
+        };
+        match (self.point_normals, self.coarse_directions) {
+            (false, 0) => Ok(()),
+            (true, _) => refused("point_normals", "true".into(), "false"),
+            (false, n) => refused("coarse_directions", n.to_string(), "0"),
+        }
+    }
+
     /// Columns of the finest nodes' features: those of [`InputConfig::node_features`], and the coarse answer.
     ///
     /// # Errors

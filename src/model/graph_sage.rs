@@ -190,7 +190,7 @@ impl GraphSage {
         streams: Option<&mut [Stream]>,
     ) -> Result<GraphBatch<T>> {
         let GraphSageConfig { n_nearest, cube, cutter_input, .. } = self.config;
-        let graph = shapes.iter().map(|&Shape { points, normals, cutter_mm }| {
+        let graph = shapes.iter().map(|&Shape { points, normals, cutter_mm, .. }| {
             let edges = Edges::Nearest(n_nearest);
             GraphShape { points, normals, edges, cutter_mm }
         });

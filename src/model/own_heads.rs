@@ -112,7 +112,7 @@ mod tests {
         let heads = [5, 2, 3];
         let net = OwnHeads::new(&config(), &heads).unwrap();
         let (points, normals) = sheet(30, 1);
-        let shape = Shape { points: &points, normals: &normals, cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+        let shape = Shape::new(&points, &normals, [1.5, 6.0, 40.0, 5.0]);
         let batch = Batch::new(&[shape], &net.0.config().input).unwrap();
         let model = Model::<f64, _>::with_network(net, 1);
         let run = |params: &[f64]| {

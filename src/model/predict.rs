@@ -147,18 +147,27 @@ impl<T: Scalar, N: SiteNetwork<T>> Model<T, N> {
         normals: &[Vec3],
         cutter_mm: [f64; N_LENGTHS],
     ) -> Result<Prediction<T>> {
+        self.predict_shape(&Shape::new(points_mm, normals, cutter_mm))
+    }
+
+    /// [`Model::predict`] of a shape, such as points of the space around a part with its
+    /// [surface](Shape::with_surface): an answer for each of the points.
+    ///
+    /// # Errors
+    /// As [`Model::predict`].
+    pub fn predict_shape(&self, shape: &Shape) -> Result<Prediction<T>> {
         let _floats = par::DefaultFloats::set();
         self.calibration.iter().try_for_each(Calibration::check)?;
-        let shape = Shape { points: points_mm, normals, cutter_mm };
         shape.check()?;
-        let batch = self.net.batch(&[shape], None)?;
-        let remedy = format!("take fewer sites ({}) or a smaller network", points_mm.len());
+        let n_points = shape.points.len();
+        let batch = self.net.batch(&[*shape], None)?;
+        let remedy = format!("take fewer sites ({n_points}) or a smaller network");
         memory::require("the prediction", self.net.pass_bytes(&batch, false), remedy)?;
         let heads = self.logits(&batch, &Arena::default());
         let mut logits = heads.iter().flat_map(|head| head.iter());
         if let Some(i) = logits.position(|logit| !logit.is_finite()) {
             return Err(Error::NotFinite {
-                place: format!("logits of site {}", i / N_CLASSES % points_mm.len()),
+                place: format!("logits of site {}", i / N_CLASSES % n_points),
                 found: "not a finite number".into(),
                 remedy: "the weights are too large: train the network again".into(),
             });
@@ -285,7 +294,7 @@ mod tests {
 
     fn as_shapes(shapes: &[(Vec<Vec3>, Vec<Vec3>)]) -> Vec<Shape<'_>> {
         let parts = shapes.iter().zip(CUTTERS);
-        parts.map(|((points, normals), cutter_mm)| Shape { points, normals, cutter_mm }).collect()
+        parts.map(|((points, normals), cutter_mm)| Shape::new(points, normals, cutter_mm)).collect()
     }
 
     #[test]

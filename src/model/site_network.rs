@@ -333,6 +333,7 @@ mod memory_tests;
 mod tests {
     use super::*;
     use crate::exec::par;
+    use crate::geom::Sites;
     use crate::model::config::InputConfig;
     use crate::model::graph_sage::GraphSageConfig;
     use crate::model::{AnyModel, Model, UNetConfig};
@@ -350,7 +351,7 @@ mod tests {
     fn shapes(clouds: &[(Vec<Vec3>, Vec<Vec3>)]) -> Vec<Shape<'_>> {
         let cutters = [[1.5, 6.0, 40.0, 5.0], [1.0, 0.2, 90.0, 0.1]];
         let parts = clouds.iter().zip(cutters);
-        parts.map(|((points, normals), cutter_mm)| Shape { points, normals, cutter_mm }).collect()
+        parts.map(|((points, normals), cutter_mm)| Shape::new(points, normals, cutter_mm)).collect()
     }
 
     fn graph() -> Model<f32, GraphSage> {
@@ -441,6 +442,47 @@ mod tests {
         assert!(refused("P", true).starts_with("point_normals is true"));
         let message = graph().predict(&clouds[0].0, &[], cutter).unwrap_err().to_string();
         assert!(message.contains("0 normals for 300 vertices"), "{message}");
+    }
+
+    #[test]
+    fn a_surface_is_read_beside_points_of_space_and_not_answered() {
+        let (clouds, cutter) = (clouds(), [1.5, 6.0, 40.0, 5.0]);
+        let (space, [surface, other]) = (&clouds[1].0, [&clouds[0], &clouds[1]].map(sites_of));
+        let model = |features: &str| {
+            let input = InputConfig { features: features.into(), ..UNetConfig::tiny().input };
+            Model::<f32>::new(&UNetConfig { input, ..UNetConfig::tiny() }, 1).unwrap()
+        };
+        let answer = |model: &Model<f32>, surface: &Sites| {
+            let shape = Shape::new(space, &[], cutter).with_surface(surface);
+            model.predict_shape(&shape).unwrap().logits_inaccessible
+        };
+        let both = model("NDP");
+        let [one, two] = [&surface, &other].map(|surface| answer(&both, surface));
+        assert_eq!((one.len(), two.len()), (200, 200));
+        assert_ne!(one, two);
+        // Positions alone cannot tell the surface from the space.
+        let positions = model("P");
+        let alone = positions.predict(space, &[], cutter).unwrap().logits_inaccessible;
+        assert_eq!(answer(&positions, &surface), alone);
+        // Together as alone.
+        let shape = |surface| Shape::new(space, &[], cutter).with_surface(surface);
+        let input = &both.net.config().input;
+        let batch = Batch::new(&[shape(&surface), shape(&other)], input).unwrap();
+        assert_eq!((batch.n_points(), batch.octree.n_points()), (400, 900));
+        let logits = both.logits(&batch, &Arena::default());
+        let row = |i: usize| [logits[0][2 * i + 1], logits[0][2 * i]];
+        assert_eq!((row(3), row(203)), (one[3], two[3]));
+        let refused = |shape: Shape| both.predict_shape(&shape).unwrap_err().to_string();
+        let message = refused(Shape::new(&clouds[1].0, &clouds[1].1, cutter).with_surface(&other));
+        assert!(message.starts_with("normals is given, expected none"), "{message}");
+        assert!(refused(Shape::new(space, &[], cutter)).contains("the part's surface"));
+        let input = InputConfig { point_normals: true, ..input.clone() };
+        let message = Batch::<f32>::new(&[shape(&surface)], &input).unwrap_err().to_string();
+        assert!(message.starts_with("point_normals is true"), "{message}");
+    }
+
+    fn sites_of((points, normals): &(Vec<Vec3>, Vec<Vec3>)) -> Sites {
+        Sites::new(points.clone(), normals.clone()).unwrap()
     }
 
     #[test]

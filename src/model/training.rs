@@ -26,7 +26,7 @@ use crate::numeric::scalar::Scalar;
 /// let (config, arena) = (UNetConfig::tiny(), Arena::default());
 /// let mut model = Model::<f64>::new(&config, 1)?;
 /// # let points = [Vec3::ZERO, Vec3::X, Vec3::Y];
-/// # let shape = Shape { points: &points, normals: &[Vec3::Z; 3], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// # let shape = Shape::new(&points, &[Vec3::Z; 3], [1.5, 6.0, 40.0, 5.0]);
 /// let batch = Batch::new(&[shape], &config.input)?; // three points
 /// let pass = model.forward_train(&batch, None, &arena);
 /// let (zeros, ones) = (vec![0.0; pass.logits[0].len()], vec![1.0; pass.logits[1].len()]);

@@ -38,7 +38,7 @@ use crate::octree::{KernelMap, Octree, OctreeLevel};
 /// let model = Model::<f32, _>::with_network(UNet::new(&config)?, 7); // seed of the weights
 /// assert_eq!(model.params.len(), model.net.layout().n_params());
 /// let points = [Vec3::ZERO, Vec3::X, Vec3::Y];
-/// let shape = Shape { points: &points, normals: &[Vec3::Z; 3], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// let shape = Shape::new(&points, &[Vec3::Z; 3], [1.5, 6.0, 40.0, 5.0]);
 /// let logits = model.logits(&Batch::new(&[shape], &config.input)?, &Arena::default());
 /// assert_eq!(logits.iter().map(|l| l.len()).collect::<Vec<_>>(), [3 * 2; 2]); // two heads of two classes
 /// let error = UNet::new(&config.with_head_width(0)).unwrap_err().to_string();

@@ -71,6 +71,11 @@ impl fmt::Display for Features {
 }
 
 impl Features {
+    /// Whether the points need normals.
+    pub(crate) fn needs_normals(&self) -> bool {
+        self.normal || self.displacement
+    }
+
     /// Number of channels.
     pub fn n_channels(&self) -> usize {
         3 * usize::from(self.normal)
@@ -85,12 +90,12 @@ impl Octree {
     /// # Errors
     /// If the features need normals and the octree was built without.
     pub fn features(&self, features: Features) -> Result<Vec<f32>> {
-        if self.leaf_normals.is_empty() && (features.normal || features.displacement) {
+        if self.leaf_normals.is_empty() && features.needs_normals() {
             return Err(Error::argument(
                 "octree features",
                 features,
                 "P for points without normals",
-                "give the points normals or use the feature P",
+                "give the points normals, points of space the part's surface, or use the feature P",
             ));
         }
         let n_channels = features.n_channels();

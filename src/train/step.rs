@@ -113,7 +113,7 @@ impl Streams {
 fn shape(sample: &Sample) -> Shape<'_> {
     let sites = &sample.sites;
     let cutter_mm = sample.cutter.to_array();
-    Shape { points: &sites.points, normals: &sites.normals, cutter_mm }
+    Shape::new(&sites.points, &sites.normals, cutter_mm)
 }
 
 /// Classes of both heads: 0 = inaccessible, and 1 = occlusion point.

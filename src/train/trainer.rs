@@ -24,7 +24,7 @@ use std::ops::ControlFlow;
 /// use std::ops::ControlFlow::{Break, Continue};
 ///
 /// # let points = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
-/// # let shape = Shape { points: &points, normals: &[Vec3::Z; 4], cutter_mm: [1.5, 6.0, 40.0, 5.0] };
+/// # let shape = Shape::new(&points, &[Vec3::Z; 4], [1.5, 6.0, 40.0, 5.0]);
 /// let (config, three) = (UNetConfig::tiny(), CrossEntropy::equal(3)); // three classes
 /// let source = |_epoch, _step| Ok((Batch::new(&[shape], &config.input)?, [0_u8, 1, 2, 0]));
 /// let loss = |logits: &[Buffer<f32>], classes: &[u8; 4], dlogits: &mut [Vec<f32>]| {

@@ -15,7 +15,7 @@ fn measure<N: SiteNetwork<f32>>(net: N, n_points: &[usize]) -> [(u64, u64); 2] {
     let clouds: Vec<_> = n_points.iter().map(|&n| sheet(n, n as u64 % 7)).collect();
     let cutter_mm = [1.5, 6.0, 40.0, 5.0];
     let shapes: Vec<_> =
-        clouds.iter().map(|(points, normals)| Shape { points, normals, cutter_mm }).collect();
+        clouds.iter().map(|(points, normals)| Shape::new(points, normals, cutter_mm)).collect();
     let streams = |purpose| (0..shapes.len()).map(move |i| Stream::new(1, 0, i as u64, purpose));
     let mut drawn: Vec<_> = streams(Purpose::Neighbors).collect();
     let mut dropout: Vec<_> = streams(Purpose::Dropout).collect();

@@ -54,7 +54,7 @@ pub fn batch(clouds: &[Sites], config: &UNetConfig) -> Result<Batch<f32>> {
 }
 
 fn shape(cloud: &Sites) -> Shape<'_> {
-    Shape { points: &cloud.points, normals: &cloud.normals, cutter_mm: CUTTER_MM }
+    Shape::new(&cloud.points, &cloud.normals, CUTTER_MM)
 }
 
 /// Median time of `work`, s, and the number of repeats; the first run does not count.
