@@ -191,7 +191,7 @@ fn a_graph_network_is_trained_scored_and_asked_as_the_octree_network_is() {
 }
 
 #[test]
-fn the_space_around_parts_is_learned_without_normals() {
+fn the_space_around_parts_is_learned_with_the_surface_and_without() {
     let folder = Folder::new();
     let (surface, run) = (data(&folder), folder.path("run"));
     let build = ["dataset", "build", "--generated", "2", "--sites", "80", "--directions", "10"];
@@ -208,6 +208,8 @@ fn the_space_around_parts_is_learned_without_normals() {
     let (first, second) = (samples(&by_sites), samples(&by_part));
     for (a, b) in first.iter().zip(&second) {
         assert!(a.is_volume() && a.sites == b.sites && a.sites.len().abs_diff(80) < 40);
+        assert_eq!(a.surface(), b.surface());
+        assert_eq!(a.surface().unwrap().len(), 80);
     }
     let config = folder.file("space.toml", "[network.input]\nfeatures = \"P\"\n");
     let args = ["train", "--preset", "tiny", "--epochs", "2", "--data", &by_part, "--out"];
@@ -221,10 +223,15 @@ fn the_space_around_parts_is_learned_without_normals() {
         let message = failure(&deepmill(args), code);
         assert!(message.contains(expected), "{message}");
     };
-    let message = failure(&train(&folder.path("a"), &[]), 2);
-    assert!(message.contains("P for points without normals"), "{message}");
-    let message = failure(&train(&folder.path("b"), &["--config", &config, "--online"]), 2);
-    assert!(message.contains("does not hold the part's surface"), "{message}");
+    let message = failure(&train(&folder.path("b"), &["--online"]), 2);
+    assert!(message.contains("whose triangles it does not hold"), "{message}");
+    let with_surface = folder.path("a");
+    let online = ["--preset", "tiny", "--epochs", "2", "--online", "--data", &by_sites];
+    let output = deepmill(&[&["train", "--out", &with_surface], &online[..]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let read_both = Path::new(&with_surface).join("model.safetensors").display().to_string();
+    let score = json(&deepmill(&["eval", "--json", "--model", &read_both, "--data", &by_sites]));
+    assert_eq!(score["per_sample"].as_array().unwrap().len(), 3);
     refused(&[&eval[..], &["--exact"]].concat(), 1, "labels are about space");
     refused(&["dataset", "export", &by_part, "--out", &folder.path("c")], 1, "no normals");
     let (part, out) = (folder.block(), folder.path("out"));

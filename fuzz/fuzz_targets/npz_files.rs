@@ -32,6 +32,7 @@ static WHOLE: LazyLock<[Entries; 3]> = LazyLock::new(|| {
     let prediction = model.predict(&sites.points, &sites.normals, params.to_array());
     let part = LabeledPart {
         sites: sites.clone(),
+        surface: Some(sites.clone()),
         cutters: vec![params; 2],
         answers: vec![labels.answers.clone(); 2],
     };

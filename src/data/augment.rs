@@ -98,13 +98,20 @@ impl Augment {
             let v = v * mirror;
             Vec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
         };
-        let mut points: Vec<Vec3> = sample.sites.points.iter().map(|p| map(*p)).collect();
-        if let Some(elastic) = self.elastic {
-            elastic.apply(&mut points, stream);
+        let map_all = |sites: &Sites| Sites {
+            points: sites.points.iter().map(|p| map(*p)).collect(),
+            normals: sites.normals.iter().map(|n| map(*n)).collect(),
+            faces: sites.faces.clone(),
+        };
+        let mut sites = map_all(&sample.sites);
+        let mut surface = sample.surface.as_deref().map(map_all);
+        if let Some(field) = self.elastic.and_then(|e| e.field(&sites, surface.as_ref(), stream)) {
+            let points = &mut sites.points;
+            let of_surface = surface.iter_mut().flat_map(|surface| &mut surface.points);
+            points.iter_mut().chain(of_surface).for_each(|p| *p += field.at(*p));
         }
-        let normals = sample.sites.normals.iter().map(|n| map(*n)).collect();
-        let sites = Sites { points, normals, faces: sample.sites.faces.clone() };
-        Sample { sites: Arc::new(sites), ..sample.clone() }
+        let (sites, surface) = (Arc::new(sites), surface.map(Arc::new));
+        Sample { sites, surface, ..sample.clone() }
     }
 }
 
@@ -133,27 +140,30 @@ impl Elastic {
         self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)
     }
 
-    /// Displaces points by trilinear interpolation of smoothed normal noise on a grid; normals stay.
-    fn apply(&self, points: &mut [Vec3], stream: &mut Stream) {
-        let Some(field) = self.field(points, stream) else { return };
-        points.iter_mut().for_each(|p| *p += field.at(*p));
-    }
-
-    /// Displaces sites in the same way, with the normals of the displaced surface.
-    pub(super) fn deform(&self, sites: &mut Sites, stream: &mut Stream) {
-        let Some(field) = self.field(&sites.points, stream) else { return };
-        for (p, n) in sites.points.iter_mut().zip(&mut sites.normals) {
-            // A surface element with normal n gets the normal J⁻ᵀ n; J = 1 + the field's derivative.
-            let jacobian = Mat3::IDENTITY + field.derivative(*p);
-            *n = (jacobian.inverse().transpose() * *n).try_normalize().unwrap_or(*n);
-            *p += field.at(*p);
+    /// Displaces sites, and those of the surface about points of space, with the normals of the displaced surface.
+    pub(super) fn deform(
+        &self,
+        sites: &mut Sites,
+        surface: Option<&mut Sites>,
+        stream: &mut Stream,
+    ) {
+        let Some(field) = self.field(sites, surface.as_deref(), stream) else { return };
+        for sites in std::iter::once(sites).chain(surface) {
+            for (p, n) in sites.points.iter().zip(&mut sites.normals) {
+                // A surface element with normal n gets the normal J⁻ᵀ n; J = 1 + the field's derivative.
+                let jacobian = Mat3::IDENTITY + field.derivative(*p);
+                *n = (jacobian.inverse().transpose() * *n).try_normalize().unwrap_or(*n);
+            }
+            sites.points.iter_mut().for_each(|p| *p += field.at(*p));
         }
     }
 
-    /// Random displacements over the box of `points`; none if that is a point.
-    fn field(&self, points: &[Vec3], stream: &mut Stream) -> Option<Field> {
-        let first = points.first().copied()?;
-        let (low, high) = points.iter().fold((first, first), |(a, b), p| (a.min(*p), b.max(*p)));
+    /// Smoothed normal noise on a grid over the box of the points and the surface, to be interpolated trilinearly; none
+    /// if that is a point.
+    fn field(&self, sites: &Sites, surface: Option<&Sites>, stream: &mut Stream) -> Option<Field> {
+        let points = sites.points.iter().chain(surface.into_iter().flat_map(|s| &s.points));
+        let low = points.clone().copied().reduce(Vec3::min)?;
+        let high = points.copied().reduce(Vec3::max)?;
         let longest = (high - low).max_element();
         let cell = (self.spacing as f32 * longest).max(longest / 64.0);
         let draw = || NoiseGrid::draw(low, high, cell, self.magnitude as f32 * longest, stream);
@@ -247,6 +257,7 @@ mod tests {
         let normals = vec![Vec3::new(0.6, 0.0, 0.8); points.len()];
         let n = points.len();
         Sample {
+            surface: None,
             name: "grid".into(),
             sites: Arc::new(Sites { points, normals, faces: vec![] }),
             cutter: CutterParams { cr_mm: 1.0, ch_mm: 1.0, fr_mm: 5.0, fh_mm: 1.0 },
@@ -317,7 +328,7 @@ mod tests {
         points.extend(grid.flat_map(|p| [2.0 * p, 2.0 * p + 0.05 * u, 2.0 * p + 0.05 * v]));
         let before = Sites { normals: vec![normal; points.len()], points, faces: vec![] };
         let mut after = before.clone();
-        elastic.deform(&mut after, &mut stream(1));
+        elastic.deform(&mut after, None, &mut stream(1));
         let mut turned = 0.0f32;
         let mut errors = Vec::new();
         for i in (2..after.len()).step_by(3) {
@@ -330,8 +341,15 @@ mod tests {
         errors.sort_by(f32::total_cmp);
         // Near cell borders, where the field has a kink, differences see both sides.
         assert!(errors[errors.len() / 2] < 0.02 && turned > 0.1, "{errors:?}, {turned}");
-        let mut moved = before.points.clone();
-        elastic.apply(&mut moved, &mut stream(1));
-        assert_eq!(moved, after.points);
+        // The same sites as points of space, with some of them as the surface: one displacement of all.
+        let mut space = Sites { normals: vec![], ..before.clone() };
+        let part = |sites: &Sites| Sites {
+            points: sites.points[2..60].to_vec(),
+            normals: sites.normals[2..60].to_vec(),
+            faces: vec![],
+        };
+        let mut surface = part(&before);
+        elastic.deform(&mut space, Some(&mut surface), &mut stream(1));
+        assert_eq!((space.points, surface), (after.points.clone(), part(&after)));
     }
 }

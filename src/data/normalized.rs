@@ -186,6 +186,7 @@ mod tests {
     fn sample(points: Vec<Vec3>, lengths: [f64; 4]) -> Sample {
         let n = points.len();
         Sample {
+            surface: None,
             name: "part".into(),
             sites: Arc::new(Sites { points, normals: vec![Vec3::Z; n], faces: vec![] }),
             cutter: CutterParams::from_array(lengths),

@@ -2,10 +2,13 @@
 //!
 //! The labeler runs inside the training loop, so turned and mirrored parts carry exact labels for any
 //! direction set, and no (part, cutter) pair is ever seen twice. Everything is keyed by (seed, epoch,
-//! sample): the same arguments give the same sample, whatever was drawn before.
+//! sample): the same arguments give the same sample, whatever was drawn before. Of samples about space the sites of the
+//! part's surface turn with the points, and are the obstacles.
 
 use crate::access::{self, LabelOptions, Obstacles};
+use crate::answers::SiteAnswers;
 use crate::data::augment::{Elastic, Turn};
+use crate::data::volume::VolumeObstacles;
 use crate::data::{Sample, SampleSource};
 use crate::geom::Sites;
 use crate::numeric::rng::{Purpose, Stream};
@@ -125,7 +128,8 @@ fn any_rotation(stream: &mut Stream) -> Mat3 {
 /// Parts without labels: each sample is oriented, given a cutter and labeled when it is drawn.
 #[derive(Debug, Clone)]
 pub struct Online {
-    parts: Vec<(String, Arc<Sites>)>,
+    /// Each with one of its samples.
+    parts: Vec<Sample>,
     directions: Directions,
     options: LabelOptions,
     settings: OnlineSettings,
@@ -133,10 +137,11 @@ pub struct Online {
 }
 
 impl Online {
-    /// The parts of `samples`, each once, whatever their cutters, to be labeled with these options.
+    /// The parts of `samples`, each once, whatever their cutters, to be labeled with these options. Points of space are
+    /// labeled among the sites of their surface, by the directions alone.
     ///
     /// # Errors
-    /// If there are no parts.
+    /// If there are no parts, or one is about points of space without the part's [surface](Sample::with_surface).
     pub fn new(
         samples: &[Sample],
         directions: Directions,
@@ -144,11 +149,18 @@ impl Online {
         settings: OnlineSettings,
         seed: u64,
     ) -> Result<Self> {
-        let mut parts: Vec<(String, Arc<Sites>)> = Vec::new();
+        let mut parts: Vec<Sample> = Vec::new();
         for sample in samples {
             sample.check()?;
-            if parts.last().is_none_or(|(_, sites)| !Arc::ptr_eq(sites, &sample.sites)) {
-                parts.push((sample.name.clone(), Arc::clone(&sample.sites)));
+            if sample.is_volume() && sample.surface.is_none() {
+                let place = format!("sample {}", sample.name);
+                let found = "points of space without the part's surface, which blocks the tool";
+                let remedy = "build the data set again: before this version it had no surface";
+                return Err(Error::geometry(place, found, remedy));
+            }
+            if parts.last().is_none_or(|part| !Arc::ptr_eq(&part.sites, &sample.sites)) {
+                let answers = SiteAnswers::default();
+                parts.push(Sample { answers, ..sample.clone() });
             }
         }
         if parts.is_empty() {
@@ -166,31 +178,47 @@ impl SampleSource for Online {
     }
 
     fn sample(&self, epoch: u64, index: usize) -> Result<Sample> {
-        let (name, sites) = &self.parts[index];
+        let part = &self.parts[index];
         let stream = |purpose| Stream::new(self.seed, epoch, index as u64, purpose);
         let mut placement = stream(Purpose::Orientation);
         let turn = self.settings.orientation(&mut placement);
-        let scale = self.settings.scale(&sites.points, &mut placement);
-        let mut sites = Sites {
+        let whole = part.surface.as_ref().unwrap_or(&part.sites);
+        let scale = self.settings.scale(&whole.points, &mut placement);
+        let place = |sites: &Sites| Sites {
             points: sites.points.iter().map(|p| turn * *p * scale).collect(),
             normals: sites.normals.iter().map(|n| turn * *n).collect(),
             faces: Vec::new(),
         };
+        let (mut sites, mut surface) = (place(&part.sites), part.surface.as_deref().map(place));
         if let Some(elastic) = self.settings.elastic {
-            elastic.deform(&mut sites, &mut stream(Purpose::Augment));
+            elastic.deform(&mut sites, surface.as_mut(), &mut stream(Purpose::Augment));
         }
         let cutter = self.settings.cutter_set.draw(&mut stream(Purpose::Cutter));
         let tool = Cutter::ball_end(cutter)?;
-        let labels =
-            access::label(&sites, Obstacles::Queries, &tool, &self.directions, &self.options)?;
-        Ok(Sample { name: name.clone(), sites: Arc::new(sites), cutter, answers: labels.answers })
+        let directions = &self.directions;
+        let (answers, surface) = match surface {
+            None => {
+                let obstacles = Obstacles::Queries;
+                let labels = access::label(&sites, obstacles, &tool, directions, &self.options)?;
+                (labels.answers, None)
+            }
+            Some(Sites { points, normals, faces }) => {
+                let obstacles = VolumeObstacles::Points(points);
+                let answers = obstacles.answers(&sites.points, &tool, directions)?;
+                let VolumeObstacles::Points(points) = obstacles else { unreachable!() };
+                (answers, Some(Arc::new(Sites { points, normals, faces })))
+            }
+        };
+        Ok(Sample { name: part.name.clone(), sites: Arc::new(sites), cutter, answers, surface })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::answers::SiteAnswers;
+    use crate::data::volume::Volume;
+    use crate::geom::sites::{self, SiteOptions};
+    use crate::geom::solids;
     use crate::tool::cutter::CutterParams;
 
     fn bowl() -> Sample {
@@ -203,6 +231,7 @@ mod tests {
         let normal = |p: &Vec3| Vec3::new(-p.x / 6.0, -0.1, 1.0).normalize();
         let n = points.len();
         Sample {
+            surface: None,
             name: "bowl".into(),
             sites: Arc::new(Sites {
                 normals: points.iter().map(normal).collect(),
@@ -286,6 +315,40 @@ mod tests {
         assert_eq!(deformed.answers, exact(&deformed.sites).answers);
         assert_ne!(deformed.answers.inaccessible(), plain.answers.inaccessible());
         assert!(deformed.sites.check().is_ok());
+    }
+
+    #[test]
+    fn points_of_space_turn_with_the_surface_that_blocks_them() {
+        let part = solids::torus(20.0, 8.0, 40, 20);
+        let surface = sites::sample(&part, &SiteOptions { n_sites: 600, ..Default::default() });
+        let surface = Arc::new(surface.unwrap());
+        let points = Arc::new(Volume::new(&part, 400).unwrap().points());
+        let n = points.len();
+        let answers = SiteAnswers::new(vec![false; n], vec![false; n]);
+        let space = Sample::new("ring", points, [1.5, 6.0, 40.0, 5.0].into(), answers);
+        let directions = Directions::published();
+        let settings = OnlineSettings { tilt: 1.0, ..OnlineSettings::default() };
+        let options = LabelOptions::published();
+        let online = |sample| Online::new(&[sample], directions.clone(), options, settings, 5);
+        let message = online(space.clone()).unwrap_err().to_string();
+        assert!(message.starts_with("sample ring: points of space without"), "{message}");
+        let source = online(space.clone().with_surface(Arc::clone(&surface))).unwrap();
+        for epoch in 0..4 {
+            let drawn = source.sample(epoch, 0).unwrap();
+            drawn.check().unwrap();
+            let (before, turned) = (&space.sites.points, drawn.surface().unwrap());
+            // Distances between points of space and of the surface are kept.
+            for (i, j) in (0..n).step_by(37).zip((0..600).step_by(41)) {
+                let distance = before[i].distance(surface.points[j]);
+                let after = drawn.sites.points[i].distance(turned.points[j]);
+                assert!((distance - after).abs() < 1e-3, "{distance} {after}");
+            }
+            let tool = Cutter::ball_end(drawn.cutter).unwrap();
+            let by = VolumeObstacles::Points(turned.points.clone());
+            let exact = by.answers(&drawn.sites.points, &tool, &directions).unwrap();
+            assert_eq!(drawn.answers, exact);
+            assert!(exact.n_inaccessible() > 0 && exact.n_inaccessible() < n, "{epoch}");
+        }
     }
 
     #[test]

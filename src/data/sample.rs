@@ -3,6 +3,7 @@
 use crate::answers::SiteAnswers;
 use crate::geom::Sites;
 use crate::geom::sites::check_points;
+use crate::model::Shape;
 use crate::tool::cutter::{Cutter, CutterParams};
 use crate::{Error, Result};
 use std::sync::Arc;
@@ -33,6 +34,8 @@ pub struct Sample {
     pub cutter: CutterParams,
     /// What the network is to answer: `inaccessible` for head 1, `occlusion` for head 2, per site.
     pub answers: SiteAnswers,
+    /// Sites of the part's surface, mm, beside points of space.
+    pub(crate) surface: Option<Arc<Sites>>,
 }
 
 impl Sample {
@@ -43,7 +46,24 @@ impl Sample {
         cutter: CutterParams,
         answers: SiteAnswers,
     ) -> Self {
-        Sample { name: name.into(), sites, cutter, answers }
+        Sample { name: name.into(), sites, cutter, answers, surface: None }
+    }
+
+    /// About points of space, with sites of the part's surface, mm, for networks that read them
+    /// ([`Shape::with_surface`]) and for [`Online`](super::Online), to which they are the obstacles.
+    pub fn with_surface(self, surface: Arc<Sites>) -> Self {
+        Sample { surface: Some(surface), ..self }
+    }
+
+    /// The part's surface, if it is about points of space and that is known.
+    pub fn surface(&self) -> Option<&Arc<Sites>> {
+        self.surface.as_ref()
+    }
+
+    /// What a network is to answer about.
+    pub fn shape(&self) -> Shape<'_> {
+        let shape = Shape::new(&self.sites.points, &self.sites.normals, self.cutter.to_array());
+        self.surface.as_deref().map_or(shape, |surface| shape.with_surface(surface))
     }
 
     /// Whether it is about points of the space around a part.
@@ -83,6 +103,15 @@ impl Sample {
         match self.is_volume() {
             true => check_points("point", &self.sites.points),
             false => self.sites.check(),
+        }?;
+        match &self.surface {
+            Some(_) if !self.is_volume() => Err(Error::geometry(
+                format!("sample {}", self.name),
+                "a surface beside sites, which are of it",
+                "leave out the surface, or the normals of points of space",
+            )),
+            Some(surface) => surface.check(),
+            None => Ok(()),
         }
     }
 
@@ -138,6 +167,7 @@ mod tests {
         let sites =
             Sites { points: vec![Vec3::X, Vec3::Y], normals: vec![Vec3::Z; 2], faces: vec![] };
         let good = Sample {
+            surface: None,
             name: "a".into(),
             sites: sites.clone().into(),
             cutter: [1.5, 6.0, 40.0, 5.0].into(),
@@ -155,9 +185,10 @@ mod tests {
                 "sample a: site 0: normal",
             ),
             (
-                with(Sites { points: vec![Vec3::X, Vec3::NAN], ..sites }),
+                with(Sites { points: vec![Vec3::X, Vec3::NAN], ..sites.clone() }),
                 "sample a: site 1: position",
             ),
+            (good.clone().with_surface(sites.clone().into()), "sample a: a surface beside sites"),
             (
                 Sample { answers: SiteAnswers::new(vec![true; 2], vec![]), ..good.clone() },
                 "sample a: 0 occlusion for 2 sites",

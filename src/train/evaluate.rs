@@ -259,8 +259,7 @@ pub(super) fn predict<N: SiteNetwork<f32>>(
     model: &Model<f32, N>,
     sample: &Sample,
 ) -> Result<Prediction<f32>> {
-    let sites = &sample.sites;
-    model.predict(&sites.points, &sites.normals, sample.cutter.to_array())
+    model.predict_shape(&sample.shape())
 }
 
 /// Labels every sample with the exact labeler, as the network predicts them: for its time, and for its labels where
@@ -361,6 +360,7 @@ mod tests {
         let n = points.len();
         let sites = Sites { normals: vec![Vec3::Z; n], points, faces: vec![] };
         Sample {
+            surface: None,
             name: "grids".into(),
             sites: Arc::new(sites),
             cutter: CutterParams::from_array([1.0, 1.0, 5.0, 1.0]),

@@ -233,6 +233,7 @@ mod tests {
         let labels: Vec<bool> = points.iter().map(|p| p.x > 3.0).collect();
         let sites = Sites { normals: vec![Vec3::Z; 60], points, faces: vec![] };
         vec![Sample {
+            surface: None,
             name: "part".into(),
             sites: sites.into(),
             cutter: [1.5, 6.0, 40.0, 5.0].into(),

@@ -110,12 +110,6 @@ impl Streams {
     }
 }
 
-fn shape(sample: &Sample) -> Shape<'_> {
-    let sites = &sample.sites;
-    let cutter_mm = sample.cutter.to_array();
-    Shape::new(&sites.points, &sites.normals, cutter_mm)
-}
-
 /// Classes of both heads: 0 = inaccessible, and 1 = occlusion point.
 pub(super) fn targets(samples: &[Sample]) -> [Vec<u8>; 2] {
     let head1 = samples.iter().flat_map(|s| s.answers.inaccessible()).map(|l| u8::from(!l));
@@ -258,7 +252,7 @@ impl StepScratch {
         criteria: &[CrossEntropy; 2],
         shares: [f64; N_HEADS + 1],
     ) -> Result<(Passed, StepOutcome)> {
-        let shapes: Vec<Shape> = samples.iter().map(shape).collect();
+        let shapes: Vec<Shape> = samples.iter().map(Sample::shape).collect();
         let (batch, targets) = (model.net.batch(&shapes, Some(neighbors))?, targets(samples));
         let remedy = match samples.len() {
             1 => "lower the network's widths, or its depth".into(),
@@ -406,7 +400,7 @@ mod tests {
             let sites = Sites { points, normals, faces: Vec::new() }.into();
             let name = format!("{n} sites");
             let answers = SiteAnswers::new(labels.clone(), labels);
-            Sample { name, sites, cutter, answers }
+            Sample::new(name, sites, cutter, answers)
         };
         [90, 40].map(sample).into()
     }

@@ -203,11 +203,8 @@ impl Data {
     }
 
     fn online(&self, settings: OnlineSettings, seed: u64) -> Result<Online> {
-        if self.definition != Definition::Sites {
-            let found = match self.definition.is_in_space() {
-                true => "a data set about space, which does not hold the part's surface",
-                false => "a data set by the mesh definition, whose triangles it does not hold",
-            };
+        if self.definition.is_by_mesh() {
+            let found = "a data set by the mesh definition, whose triangles it does not hold";
             let remedy = "leave out --online, or build the data set with --obstacles published";
             return Err(Error::argument("--online", found, "sites as obstacles", remedy));
         }

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::access::surface::{SurfaceOptions, TriangleObstacles};
 use crate::access::{self, Extent, LabelOptions, Labeler, Obstacles};
-use crate::answers::{Definition, SiteAnswers};
+use crate::answers::SiteAnswers;
 use crate::data::generated;
 use crate::data::volume::{Volume, VolumeObstacles};
 use crate::geom::sites::SiteOptions;
@@ -16,7 +16,6 @@ use crate::storage::folder_lock::FolderLock;
 use crate::tool::cutter::{Cutter, CutterParams};
 use crate::tool::directions::Directions;
 use crate::{Error, Result};
-use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -221,21 +220,31 @@ impl Builder {
             }
         };
         let box_mm = mesh.bounds().map_or([0.0; 3], |(lo, hi)| (hi - lo).to_array());
-        let sites = match self.settings.volume {
-            true => Volume::new(&mesh, self.settings.n_sites)?.points(),
-            false => self.sites(&mesh, self.settings.n_sites, index)?,
+        let (sites, surface) = match self.settings.volume {
+            true => {
+                let surface = self.sites(&mesh, self.settings.n_surface_sites(), index)?;
+                (Volume::new(&mesh, self.settings.n_sites)?.points(), Some(surface))
+            }
+            false => (self.sites(&mesh, self.settings.n_sites, index)?, None),
         };
         let mut stream = Stream::new(self.settings.seed, 0, index as u64, Purpose::Cutter);
         let drawn =
             (0..self.settings.n_cutters).map(|_| self.settings.cutter_set.draw(&mut stream));
         let params: Vec<CutterParams> = drawn.collect();
         let cutters = params.iter().map(|p| Cutter::ball_end(*p)).collect::<Result<Vec<_>>>()?;
-        let answers = match self.settings.definition() {
-            Definition::Part => self.label_part(&mesh, &sites, &cutters)?,
-            Definition::Sites => self.label_sites(&mesh, &sites, &cutters, index)?,
-            _ => self.label_volume(&mesh, &sites.points, &cutters, index)?,
+        let answers = match (self.settings.part_itself, &surface) {
+            (true, None) => self.label_part(&mesh, &sites, &cutters)?,
+            (false, None) => self.label_sites(&mesh, &sites, &cutters, index)?,
+            (true, Some(_)) => {
+                let part = TriangleObstacles::new(&mesh, &[])?;
+                self.label_volume(&VolumeObstacles::Part(Box::new(part)), &sites, &cutters)?
+            }
+            (false, Some(surface)) => {
+                let obstacles = VolumeObstacles::Points(surface.points.clone());
+                self.label_volume(&obstacles, &sites, &cutters)?
+            }
         };
-        let part = LabeledPart { sites, cutters: params, answers };
+        let part = LabeledPart { sites, surface, cutters: params, answers };
         Ok((part, scale, box_mm))
     }
 
@@ -276,19 +285,11 @@ impl Builder {
     /// Points of space.
     fn label_volume(
         &self,
-        mesh: &Mesh,
-        points: &[Vec3],
+        obstacles: &VolumeObstacles,
+        points: &Sites,
         cutters: &[Cutter],
-        index: usize,
     ) -> Result<Vec<SiteAnswers>> {
-        let obstacles = match self.settings.part_itself {
-            true => VolumeObstacles::Part(Box::new(TriangleObstacles::new(mesh, &[])?)),
-            false => {
-                let n_sites = self.settings.n_obstacles.unwrap_or(self.settings.n_sites);
-                VolumeObstacles::Points(self.sites(mesh, n_sites, index)?.points)
-            }
-        };
-        let label = |cutter| obstacles.answers(points, cutter, &self.directions);
+        let label = |cutter| obstacles.answers(&points.points, cutter, &self.directions);
         cutters.iter().map(label).collect()
     }
 

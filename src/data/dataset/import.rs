@@ -55,6 +55,7 @@ pub fn import(
         let accessible_directions = some.collect();
         let part = LabeledPart {
             sites: (*sample.sites).clone(),
+            surface: None,
             cutters: vec![sample.cutter],
             answers: vec![SiteAnswers { accessible_directions, ..sample.answers.clone() }],
         };

@@ -115,6 +115,11 @@ impl DatasetSettings {
         }
     }
 
+    /// Sites of the surface beside the points of space of a part.
+    pub(super) fn n_surface_sites(&self) -> usize {
+        self.n_obstacles.unwrap_or(self.n_sites)
+    }
+
     /// Options of labels among points: share, rounding and bottom rule; the latter two are of sites only.
     pub fn label_options(&self) -> LabelOptions {
         let share = self.occlusion_share;

@@ -82,7 +82,12 @@ impl Dataset {
         let parts = self.manifest.parts.iter().filter(|p| p.content.is_some());
         let wanted: Vec<&PartRecord> =
             parts.filter(|p| split.is_none_or(|s| s == p.split)).collect();
-        let needed = wanted.iter().map(|part| bytes_of(part)).fold(0, u64::saturating_add);
+        let n_surface = match self.manifest.settings.volume {
+            true => self.manifest.settings.n_surface_sites(),
+            false => 0,
+        };
+        let bytes = wanted.iter().map(|part| bytes_of(part, n_surface));
+        let needed = bytes.fold(0, u64::saturating_add);
         let remedy = "take fewer data sets or parts at once, or fewer sites";
         memory::require("the samples of the data set", needed, remedy)?;
         let read = crate::exec::par::map(wanted.len(), |i| self.part_samples(wanted[i]));
@@ -108,10 +113,11 @@ impl Dataset {
         }
         let part = LabeledPart::read(&path)?;
         let n_directions = self.manifest.settings.n_directions()?;
-        let sites = Arc::new(part.sites);
+        let (sites, surface) = (Arc::new(part.sites), part.surface.map(Arc::new));
         let samples = part.cutters.into_iter().zip(part.answers).map(|(cutter, answers)| Sample {
             name: record.name.clone(),
             sites: Arc::clone(&sites),
+            surface: surface.clone(),
             cutter,
             // Imported labels know "none" (0) and "some" (1): these are no counts.
             answers: match self.manifest.imported {
@@ -131,13 +137,16 @@ pub struct LabeledPart {
     pub sites: Sites,
     /// Cutters, mm.
     pub cutters: Vec<CutterParams>,
+    /// Sites of the surface beside points of space.
+    pub surface: Option<Sites>,
     /// One for each cutter: `inaccessible`, `occlusion` and `accessible_directions`.
     pub answers: Vec<SiteAnswers>,
 }
 
 impl LabeledPart {
     /// Writes `points`, `normals` `[n, 3]`, `cutters` `[k, 4]` (CR, CH, FR, FH) and, with a row per site and
-    /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32).
+    /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32); beside points of space
+    /// `surface_points` and `surface_normals` `[m, 3]`.
     ///
     /// # Errors
     /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`] and are no points of space, or the
@@ -148,6 +157,7 @@ impl LabeledPart {
             true => check_points("point", &self.sites.points)?,
             false => self.sites.check()?,
         }
+        self.surface.as_ref().map_or(Ok(()), Sites::check)?;
         self.check_lengths(path)?;
         let cutters: Vec<f64> = self.cutters.iter().flat_map(|c| c.to_array()).collect();
         let mut npz = NpzWriter::new();
@@ -159,6 +169,10 @@ impl LabeledPart {
         npz.array("occlusion", &[n, k], &by_site(n, answers, |a, i| a.occlusion[i]));
         let counts = by_site(n, answers, |a, i| a.accessible_directions[i]);
         npz.array("accessible_directions", &[n, k], &counts);
+        if let Some(surface) = &self.surface {
+            npz.vectors("surface_points", &surface.points);
+            npz.vectors("surface_normals", &surface.normals);
+        }
         npz.write(path)
     }
 
@@ -198,6 +212,18 @@ impl LabeledPart {
             let found = format!("{} rows for {n} points", normals.len());
             return Err(Error::file(path, "normals", found, "build this part again"));
         }
+        let surface = match npz.has("surface_points") {
+            true => {
+                let (points, normals) =
+                    (npz.vectors("surface_points")?, npz.vectors("surface_normals")?);
+                let surface = Sites::new(points, normals).map_err(|error| {
+                    let found = error.to_string();
+                    Error::file(path, "surface", found, "build this part again")
+                })?;
+                Some(surface)
+            }
+            false => None,
+        };
         let mut column = |name: &str| -> Result<Vec<Vec<f32>>> {
             let values = npz.f32s(name, k)?;
             if values.len() != n * k {
@@ -215,19 +241,22 @@ impl LabeledPart {
             ..SiteAnswers::new(truth(inaccessible), truth(occlusion))
         });
         let answers = answers.collect();
-        Ok(LabeledPart { sites: Sites { points, normals, faces: Vec::new() }, cutters, answers })
+        let sites = Sites { points, normals, faces: Vec::new() };
+        Ok(LabeledPart { sites, surface, cutters, answers })
     }
 }
 
-/// Memory of a part's samples: sites, and for each cutter two answers, a count and its share.
-fn bytes_of(part: &PartRecord) -> u64 {
+/// Memory of a part's samples: sites, those of the surface about points of space, and for each cutter two answers, a
+/// count and its share.
+fn bytes_of(part: &PartRecord, n_surface: usize) -> u64 {
     const OF_SITE: usize = 24;
     const OF_ANSWER: usize = 10;
     const OF_SAMPLE: usize = 512;
     part.content.as_ref().map_or(0, |content| {
         let (n, k) = (content.n_sites, content.cutters.len());
         let of_site = OF_SITE + OF_ANSWER * k;
-        memory::product([n, of_site]).saturating_add(memory::product([k, OF_SAMPLE]))
+        let parts = [[n, of_site], [n_surface, OF_SITE], [k, OF_SAMPLE]];
+        parts.map(memory::product).into_iter().fold(0, u64::saturating_add)
     })
 }
 
@@ -253,6 +282,7 @@ mod tests {
         let path = folder.path().join("part.npz");
         let good = LabeledPart {
             sites: Sites::new(vec![Vec3::X, Vec3::Y], vec![Vec3::Z; 2]).unwrap(),
+            surface: None,
             cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
             answers: vec![SiteAnswers {
                 accessible_directions: vec![0, 3],
@@ -283,6 +313,7 @@ mod tests {
         let answers = SiteAnswers::new(vec![true, false], vec![false; 2]);
         let part = LabeledPart {
             sites: Sites { points: vec![Vec3::X, Vec3::Y], ..Sites::default() },
+            surface: Some(Sites::new(vec![Vec3::ZERO], vec![Vec3::Z]).unwrap()),
             cutters: vec![[1.5, 6.0, 40.0, 5.0].into()],
             answers: vec![SiteAnswers { accessible_directions: vec![0, 3], ..answers }],
         };

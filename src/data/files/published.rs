@@ -321,7 +321,7 @@ impl Rows {
         let Rows { sites, inaccessible, occlusion, n_replaced } = self;
         let name = name.to_owned();
         let answers = SiteAnswers::new(inaccessible, occlusion);
-        let sample = Sample { name, sites: Arc::new(sites), cutter, answers };
+        let sample = Sample::new(name, Arc::new(sites), cutter, answers);
         sample.check()?;
         Ok((sample, n_replaced))
     }
@@ -335,6 +335,7 @@ mod tests {
         let points: Vec<Vec3> =
             (0..5).map(|i| Vec3::new(0.1 * i as f32, 7.0 / (i + 1) as f32, -3e-5)).collect();
         Sample {
+            surface: None,
             name: name.into(),
             sites: Arc::new(Sites {
                 normals: vec![Vec3::new(0.6, 0.0, -0.8); 5],

@@ -16,6 +16,7 @@ fn samples(n: u64) -> Vec<Sample> {
         let normals = points.iter().map(|_| (unit() + Vec3::Z).normalize()).collect();
         let labels: Vec<bool> = points.iter().map(|p| p.x > 20.0).collect();
         Sample {
+            surface: None,
             name: format!("sample {i}"),
             sites: Sites { points, normals, faces: Vec::new() }.into(),
             cutter: [1.5, 6.0, 40.0, 5.0].into(),

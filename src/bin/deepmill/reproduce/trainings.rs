@@ -282,7 +282,9 @@ pub fn hash(settings: &Value, data: &[&[Sample]]) -> String {
 
 fn add(hasher: &mut hmac_sha256::Hash, sample: &Sample) {
     hasher.update((sample.sites.len() as u64).to_le_bytes());
-    for vector in sample.sites.points.iter().chain(&sample.sites.normals) {
+    let surface = sample.surface().map(|surface| &**surface);
+    let sites = std::iter::once(&*sample.sites).chain(surface);
+    for vector in sites.flat_map(|sites| sites.points.iter().chain(&sites.normals)) {
         vector.to_array().iter().for_each(|x| hasher.update(x.to_le_bytes()));
     }
     sample.cutter.to_array().iter().for_each(|x| hasher.update(x.to_le_bytes()));

@@ -1,4 +1,4 @@
-//! The space around a part: where the cutter's tip can be, by a network without normals.
+//! The space around a part: where the cutter's tip can be, by a network that reads the part's surface beside it.
 
 use super::page::Page;
 use super::parts::Part;
@@ -14,11 +14,12 @@ use deepmill::data::files::Provenance;
 use deepmill::data::files::volume::VolumeFile;
 use deepmill::data::volume::{Volume, VolumeObstacles};
 use deepmill::directions::Directions;
+use deepmill::geom::Sites;
 use deepmill::model::AnyModel;
 use deepmill::report::image::Image;
 use deepmill::report::section;
 use deepmill::tables::{Cell, Table};
-use deepmill::train::{Settings, evaluate};
+use deepmill::train::evaluate;
 use deepmill::{Error, Result};
 use serde_json::Value;
 use std::sync::Arc;
@@ -55,7 +56,7 @@ pub fn run(study: &Study) -> Result<Value> {
         }
         let data = Data { definition, training: &training, test: &test };
         let name = format!("space, {}", words(definition));
-        let trained = trainings.network_of(&name, &data, without_normals)?;
+        let trained = trainings.network_of(&name, &data, |_| {})?;
         study.go_on()?;
         let scores = evaluate(&trained.model, &test)?;
         let score = scores.mean()[0];
@@ -81,8 +82,9 @@ pub fn run(study: &Study) -> Result<Value> {
         text: vec![
             "Points of a lattice over the part's box that are outside of the part, about as many as sites elsewhere; the tip of the \
              cutter is at the point. Obstacles are as many sites of the surface (the published definition), or the triangles of the \
-             part with the search between 150 directions. The network reads where points are (feature `P`) and no normals; points \
-             of space are no occlusion points, so that only its first head has something to learn. Whether the tip fits is not tested. Scores are averages over samples, \
+             part with the search between 150 directions. The octree holds the points and as many sites of the surface with \
+             their normals; points of space have none, and are no occlusion points, so that only the first head has something to \
+             learn. Whether the tip fits is not tested. Scores are averages over samples, \
              F1 of the class inaccessible."
                 .into(),
             trainings.words(),
@@ -100,14 +102,6 @@ fn words(definition: Definition) -> &'static str {
     if definition.is_by_mesh() { "mesh definition" } else { "sites" }
 }
 
-/// Octree features that points without normals have.
-fn without_normals(settings: &mut Settings) {
-    if let Some(octree) = settings.network.octree_mut() {
-        octree.input.features = "P".into();
-        octree.input.point_normals = false;
-    }
-}
-
 /// Labeled space of every part.
 fn samples(
     study: &Study,
@@ -119,22 +113,24 @@ fn samples(
     for_parts(study, parts, |part, index| {
         // A part that fills its box has no space around it.
         let Ok(volume) = Volume::new(&part.mesh, study.args.sites) else { return Ok(Vec::new()) };
-        let sites = Arc::new(volume.points());
-        let obstacles = obstacles(study, part, definition)?;
+        let points = Arc::new(volume.points());
+        let surface = Arc::new(part.sites(study.args.sites)?);
+        let obstacles = obstacles(part, &surface, definition)?;
         let sample = |k| {
             let cutter = draw.cutter(index, k);
             let tool = Cutter::ball_end(cutter)?;
-            let answers = obstacles.answers(&sites.points, &tool, directions)?;
-            Ok(Sample::new(part.name.clone(), Arc::clone(&sites), cutter, answers))
+            let answers = obstacles.answers(&points.points, &tool, directions)?;
+            let sample = Sample::new(part.name.clone(), Arc::clone(&points), cutter, answers);
+            Ok(sample.with_surface(Arc::clone(&surface)))
         };
         (0..n_cutters).map(sample).collect()
     })
 }
 
-fn obstacles(study: &Study, part: &Part, definition: Definition) -> Result<VolumeObstacles> {
+fn obstacles(part: &Part, surface: &Sites, definition: Definition) -> Result<VolumeObstacles> {
     Ok(match definition.is_by_mesh() {
         true => VolumeObstacles::Part(Box::new(TriangleObstacles::new(&part.mesh, &[])?)),
-        false => VolumeObstacles::Points(part.sites(study.args.sites)?.points),
+        false => VolumeObstacles::Points(surface.points.clone()),
     })
 }
 
@@ -146,7 +142,9 @@ fn exact_seconds(
 ) -> Result<f64> {
     let (mut seconds, mut n) = (0.0, 0);
     for samples in test.chunk_by(|a, b| a.name == b.name).take(N_TIMED) {
-        let obstacles = obstacles(study, part_of(study, &samples[0])?, definition)?;
+        let first = &samples[0];
+        let surface = first.surface().ok_or_else(no_space)?;
+        let obstacles = obstacles(part_of(study, first)?, surface, definition)?;
         for sample in samples {
             study.go_on()?;
             let cutter = Cutter::ball_end(sample.cutter)?;
@@ -167,7 +165,7 @@ fn part_of<'a>(study: &'a Study, sample: &Sample) -> Result<&'a Part> {
 /// One section of exact labels and of predictions.
 fn show(study: &Study, model: &AnyModel<f32>, sample: &Sample) -> Result<Vec<(Image, String)>> {
     let volume = Volume::new(&part_of(study, sample)?.mesh, study.args.sites)?;
-    let prediction = model.predict(&sample.sites.points, &[], sample.cutter.to_array())?;
+    let prediction = model.predict_shape(&sample.shape())?;
     let exact = file(sample, &volume, &sample.answers.inaccessible())?;
     let predicted = file(sample, &volume, &prediction.answers().inaccessible())?;
     let layer = section::most_mixed_layer(&exact);
