@@ -12,7 +12,7 @@ use crate::data::volume::VolumeObstacles;
 use crate::data::{Sample, SampleSource};
 use crate::geom::Sites;
 use crate::numeric::rng::{Purpose, Stream};
-use crate::tool::cutter::{Cutter, CutterSet};
+use crate::tool::cutter::{Cutter, CutterParams, CutterSet};
 use crate::tool::directions::Directions;
 use crate::{Error, Result};
 use glam::{Mat3, Quat, Vec3};
@@ -26,6 +26,9 @@ use std::sync::Arc;
 pub struct OnlineSettings {
     /// Where cutters are drawn from.
     pub cutter_set: CutterSet,
+    /// Probability of a cutter to be drawn from [`CutterSet::Extreme`] instead, in `[0, 1]`.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub extreme: f64,
     /// Mirror in x with probability ½.
     pub mirror: bool,
     /// Turn about +z.
@@ -44,6 +47,7 @@ pub struct OnlineSettings {
 
 setters!(OnlineSettings {
     with_cutter_set(cutter_set: CutterSet),
+    with_extreme(extreme: f64),
     with_mirror(mirror: bool),
     with_turn(turn: Turn),
     with_sides(sides: f64),
@@ -58,6 +62,7 @@ impl Default for OnlineSettings {
     fn default() -> Self {
         OnlineSettings {
             cutter_set: CutterSet::Uniform,
+            extreme: 0.0,
             mirror: true,
             turn: Turn::Quarter,
             sides: 0.3,
@@ -84,6 +89,14 @@ impl OnlineSettings {
         if edge > 0.0 { (wanted / edge) as f32 } else { 1.0 }
     }
 
+    /// A random cutter.
+    fn cutter(&self, stream: &mut Stream) -> CutterParams {
+        // Where there are none, no number is drawn for them.
+        let extreme = self.extreme > 0.0 && stream.chance(self.extreme);
+        let set = if extreme { CutterSet::Extreme } else { self.cutter_set };
+        set.draw(stream)
+    }
+
     /// A random orthogonal matrix: a rotation, or a rotation after mirroring.
     fn orientation(&self, stream: &mut Stream) -> Mat3 {
         let mirrored = self.mirror && stream.chance(0.5);
@@ -96,6 +109,10 @@ impl OnlineSettings {
         let turn = Mat3::from_cols(Vec3::new(cos, sin, 0.0), Vec3::new(-sin, cos, 0.0), Vec3::Z);
         turn * side * mirror
     }
+}
+
+fn is_zero(share: &f64) -> bool {
+    *share == 0.0
 }
 
 /// Whether parts may have sizes of this range, mm.
@@ -193,7 +210,7 @@ impl SampleSource for Online {
         if let Some(elastic) = self.settings.elastic {
             elastic.deform(&mut sites, surface.as_mut(), &mut stream(Purpose::Augment));
         }
-        let cutter = self.settings.cutter_set.draw(&mut stream(Purpose::Cutter));
+        let cutter = self.settings.cutter(&mut stream(Purpose::Cutter));
         let tool = Cutter::ball_end(cutter)?;
         let directions = &self.directions;
         let (answers, surface) = match surface {
@@ -219,7 +236,6 @@ mod tests {
     use crate::data::volume::Volume;
     use crate::geom::sites::{self, SiteOptions};
     use crate::geom::solids;
-    use crate::tool::cutter::CutterParams;
 
     fn bowl() -> Sample {
         let points: Vec<Vec3> = (0..400)
@@ -261,6 +277,21 @@ mod tests {
         assert!(
             (1..9).any(|e| source.sample(e, 1).unwrap().answers.inaccessible().contains(&true))
         );
+    }
+
+    #[test]
+    fn extreme_cutters_take_their_share() {
+        let n_long = |extreme| {
+            let source = online(OnlineSettings { extreme, ..OnlineSettings::default() });
+            (0..100).filter(|epoch| source.sample(*epoch, 0).unwrap().cutter.ch_mm >= 20.0).count()
+        };
+        assert_eq!((n_long(0.0), n_long(1.0)), (0, 100));
+        assert!((30..70).contains(&n_long(0.5)), "{}", n_long(0.5));
+        #[cfg(feature = "formats")]
+        {
+            let text = serde_json::to_string(&OnlineSettings::default()).unwrap();
+            assert!(!text.contains("extreme"), "settings of before are written as before: {text}");
+        }
     }
 
     #[test]

@@ -227,10 +227,11 @@ impl Settings {
         let online = self.online.unwrap_or_default();
         let draws = self.samples_per_epoch.unwrap_or(1);
         let groups = (1..=self.batch_size).contains(&self.n_groups);
-        let rules: [(&'static str, f64, bool, &str); 12] = [
+        let rules: [(&'static str, f64, bool, &str); 13] = [
             ("n_epochs", self.n_epochs as f64, self.n_epochs > 0, "1 or more"),
             ("samples_per_epoch", draws as f64, draws > 0, "1 or more"),
             ("online.sides", online.sides, share_or_one(online.sides), "0 to 1"),
+            ("online.extreme", online.extreme, share_or_one(online.extreme), "0 to 1"),
             ("online.tilt", online.tilt, share_or_one(online.tilt), "0 to 1"),
             ("batch_size", self.batch_size as f64, self.batch_size > 0, "1 or more"),
             ("n_groups", self.n_groups as f64, groups, "1 to batch_size"),
