@@ -326,7 +326,10 @@ fn commands_about_data_sets_and_networks_print_what_the_schema_promises() {
     let copy = folder.path("copy.safetensors");
     require("weights", &run(&["weights", &octree, "--bf16", &copy, "--calibrate", &data]));
 
-    require("eval", &run(&["eval", "--data", &data]));
+    let drawn = folder.path("reliability.svg");
+    let scores = run(&["eval", "--data", &data, "--reliability", &drawn]);
+    assert_eq!(scores["files"], json!([drawn]));
+    require("eval", &scores);
     require("eval", &run(&["eval", "--model", &in_space, "--data", &space]));
     let eval = ["eval", "--model", &share, "--against", &graph, "--data", &data, &kept];
     let scores = run(&[&eval[..], &["--exact", "--verify", "0.1,0.2"]].concat());
@@ -355,6 +358,10 @@ fn checks_times_and_the_demo_print_what_the_schema_promises() {
     require("gradcheck", &failed);
     let recorded = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/parity");
     require("parity", &run(&["parity", recorded]));
+    let actual = folder.path("actual.safetensors");
+    let written = run(&["parity", recorded, "--out", &actual]);
+    assert_eq!(written["files"], json!([actual]));
+    require("parity", &written);
     let small = ["--preset", "tiny", "--batch", "1", "--sites", "100", "--seconds", "0.01"];
     require("bench_layers", &run(&[&["bench", "layers"], &small[..]].concat()));
     for work in ["octree", "forward", "step"] {

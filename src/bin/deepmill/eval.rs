@@ -115,6 +115,10 @@ fn score_all(args: &Args, processes: &dyn Processes, output: &Output) -> Result<
         output.say(verified.text_in(output.unit()));
         result["verified"] = verified.json();
     }
+    if let Some(path) = &args.reliability {
+        output.files(std::slice::from_ref(path));
+        result["files"] = json!([path]);
+    }
     output.result(&result);
     Ok(())
 }

@@ -33,11 +33,16 @@ pub fn run(args: &Args, output: &Output) -> Result<()> {
     outcome.worst().iter().for_each(|row| output.say(line(width, cells(row))));
     let missed: Vec<&GateRow> = outcome.rows.iter().filter(|row| !row.passed()).collect();
     output.say(format!("\n{} comparisons, {} gates missed", outcome.rows.len(), missed.len()));
-    output.result(&serde_json::json!({
+    let mut result = serde_json::json!({
         "passed": outcome.passed(),
         "rows": outcome.rows.iter().map(json).collect::<Vec<_>>(),
         "worst": outcome.worst().into_iter().map(json).collect::<Vec<_>>(),
-    }));
+    });
+    if let Some(path) = &args.out {
+        output.files(std::slice::from_ref(path));
+        result["files"] = serde_json::json!([path]);
+    }
+    output.result(&result);
     match missed.first() {
         None => Ok(()),
         Some(row) => Err(Error::file(
