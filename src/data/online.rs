@@ -219,11 +219,10 @@ impl SampleSource for Online {
                 let labels = access::label(&sites, obstacles, &tool, directions, &self.options)?;
                 (labels.answers, None)
             }
-            Some(Sites { points, normals, faces }) => {
-                let obstacles = VolumeObstacles::Points(points);
+            Some(surface) => {
+                let obstacles = VolumeObstacles::Points(surface.points.clone());
                 let answers = obstacles.answers(&sites.points, &tool, directions)?;
-                let VolumeObstacles::Points(points) = obstacles else { unreachable!() };
-                (answers, Some(Arc::new(Sites { points, normals, faces })))
+                (answers, Some(Arc::new(surface)))
             }
         };
         Ok(Sample { name: part.name.clone(), sites: Arc::new(sites), cutter, answers, surface })
