@@ -222,8 +222,11 @@ fn score_set(
     for (name, model) in networks {
         let [plain, ranked] = evaluate_ranked(model, samples, &options, processes)?;
         scored.push((name.clone(), true, plain));
-        let share = 100.0 * settings.occlusion_share;
-        scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
+        // Points of space are no occlusion points: there is none to rank.
+        if !settings.volume {
+            let share = 100.0 * settings.occlusion_share;
+            scored.push((format!("{name}, occlusion by rank ({share} %)"), true, ranked));
+        }
     }
     if args.exact && settings.volume {
         let found = "its labels are about space, it does not hold the surface";
