@@ -83,7 +83,7 @@ pub fn online(
 fn unlabeled(name: String, sites: Arc<geom::Sites>) -> data::Sample {
     let n = sites.len();
     let answers = crate::answers::SiteAnswers::new(vec![false; n], vec![false; n]);
-    data::Sample { name, sites, cutter: [1.0; 4].into(), answers }
+    data::Sample::new(name, sites, [1.0; 4].into(), answers)
 }
 
 fn settings_of(
@@ -225,7 +225,7 @@ impl Sample {
         let marks = input::flags("inaccessible", inaccessible, (sites.len(), "site"))?;
         let occlusion = input::flags("occlusion", occlusion, (sites.len(), "site"))?;
         let answers = crate::answers::SiteAnswers::new(marks, occlusion);
-        let sample = data::Sample { name, sites, cutter: params, answers };
+        let sample = data::Sample::new(name, sites, params, answers);
         checked(points.py(), sample.check())?;
         Ok(Sample { cutter: params.to_array(), sample, epoch: 0, index: 0 })
     }

@@ -23,7 +23,7 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 /// Where a run draws its samples.
 enum Source {
     Fixed(Vec<data::Sample>),
-    Online(data::Online),
+    Online(Box<data::Online>),
 }
 
 /// A training run: settings, network, optimizer and how far it is. A run that was saved and resumed ends with the bits
@@ -100,7 +100,8 @@ impl Trainer {
             Some(online) => {
                 let (directions, options) = (Directions::published(), LabelOptions::published());
                 let seed = run.settings.seed;
-                Source::Online(data::Online::new(&samples, directions, options, online, seed)?)
+                let online = data::Online::new(&samples, directions, options, online, seed)?;
+                Source::Online(online.into())
             }
         };
         Ok(Trainer { run: Mutex::new(run), source, validation })
@@ -125,7 +126,7 @@ impl Trainer {
         let run = &mut *run;
         let done = detached_long(py, || match &self.source {
             Source::Fixed(samples) => run.train(&samples[..], &self.validation, watch),
-            Source::Online(online) => run.train(online, &self.validation, watch),
+            Source::Online(online) => run.train(&**online, &self.validation, watch),
         });
         match watch.raised.take() {
             Some(raised) => Err(raised),
