@@ -172,7 +172,7 @@ impl Online {
             if sample.is_volume() && sample.surface.is_none() {
                 let place = format!("sample {}", sample.name);
                 let found = "points of space without the part's surface, which blocks the tool";
-                let remedy = "build the data set again: before this version it had no surface";
+                let remedy = "build the data set again, or give each sample its surface";
                 return Err(Error::geometry(place, found, remedy));
             }
             if parts.last().is_none_or(|part| !Arc::ptr_eq(&part.sites, &sample.sites)) {

@@ -60,7 +60,7 @@ impl Sample {
         self.surface.as_ref()
     }
 
-    /// What a network is to answer about.
+    /// What a network reads of it.
     pub fn shape(&self) -> Shape<'_> {
         let shape = Shape::new(&self.sites.points, &self.sites.normals, self.cutter.to_array());
         self.surface.as_deref().map_or(shape, |surface| shape.with_surface(surface))
@@ -104,15 +104,17 @@ impl Sample {
             true => check_points("point", &self.sites.points),
             false => self.sites.check(),
         }?;
-        match &self.surface {
-            Some(_) if !self.is_volume() => Err(Error::geometry(
-                format!("sample {}", self.name),
-                "a surface beside sites, which are of it",
-                "leave out the surface, or the normals of points of space",
-            )),
-            Some(surface) => surface.check(),
-            None => Ok(()),
+        let Some(surface) = &self.surface else { return Ok(()) };
+        let refused =
+            |found, remedy| Err(Error::geometry(format!("sample {}", self.name), found, remedy));
+        if !self.is_volume() {
+            let remedy = "leave out the surface, or the normals of points of space";
+            return refused("a surface beside sites, which are of it", remedy);
         }
+        if surface.is_empty() {
+            return refused("a surface without sites", "leave it out, or build the data set again");
+        }
+        surface.check()
     }
 
     /// The error of a part of the sample, as one of the sample.
@@ -189,6 +191,11 @@ mod tests {
                 "sample a: site 1: position",
             ),
             (good.clone().with_surface(sites.clone().into()), "sample a: a surface beside sites"),
+            (
+                with(Sites { normals: vec![], ..sites.clone() })
+                    .with_surface(Sites::default().into()),
+                "sample a: a surface without sites",
+            ),
             (
                 Sample { answers: SiteAnswers::new(vec![true; 2], vec![]), ..good.clone() },
                 "sample a: 0 occlusion for 2 sites",

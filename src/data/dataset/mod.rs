@@ -320,4 +320,31 @@ mod tests {
         part.write(&path).unwrap();
         assert_eq!(LabeledPart::read(&path).unwrap(), part);
     }
+
+    #[test]
+    fn a_surface_that_is_none_is_refused_by_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("space.npz");
+        let refused = |points: &[Vec3], normals: Option<&[Vec3]>| {
+            let mut npz = NpzWriter::new();
+            npz.vectors("points", &[Vec3::X]);
+            npz.vectors("normals", &[]);
+            npz.array("cutters", &[1, 4], &[1.5, 6.0, 40.0, 5.0]);
+            for name in ["inaccessible", "occlusion", "accessible_directions"] {
+                npz.array(name, &[1, 1], &[0_u32]);
+            }
+            npz.vectors("surface_points", points);
+            if let Some(normals) = normals {
+                npz.vectors("surface_normals", normals);
+            }
+            npz.write(&path).unwrap();
+            let message = LabeledPart::read(&path).unwrap_err().to_string();
+            assert!(message.contains("space.npz") && message.lines().count() == 1, "{message}");
+            message
+        };
+        assert!(refused(&[Vec3::X], None).contains("surface_normals"));
+        assert!(refused(&[Vec3::X], Some(&[])).contains("0 normals for 1 sites"));
+        assert!(refused(&[Vec3::X], Some(&[Vec3::ZERO])).contains("site 0: normal"));
+        assert!(refused(&[Vec3::NAN], Some(&[Vec3::Z])).contains("surface_points"));
+    }
 }
