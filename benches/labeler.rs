@@ -242,7 +242,7 @@ fn equal(settings: &Settings, parts: &[(String, Mesh)], directions: &Directions)
     let mut stream = Stream::new(4, 0, 0, Purpose::Cutter);
     let mut cr_mm = 0.0;
     let draw = |i: usize| {
-        let mut params = CutterSet::ALL[i % 4].draw(&mut stream);
+        let mut params = CutterSet::PUBLISHED[i % 4].draw(&mut stream);
         if i % 3 == 2 {
             params.cr_mm = cr_mm;
         }

@@ -12,7 +12,6 @@ use crate::data::loader::batches;
 use crate::data::online::OnlineSettings;
 use crate::data::{self, SampleSource};
 use crate::geom::{self, sites};
-use crate::tool::cutter::CutterSet;
 use crate::tool::directions::Directions;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -23,7 +22,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// definition. The same arguments give the same samples.
 ///
 /// parts: a sequence of Mesh, of objects with `vertices` and `faces`, or of Sites.
-/// cutters: "uniform", "short", "long" or "extreme", the published ranges. seed: of everything that is drawn.
+/// cutters: "uniform", "short", "long" or "extreme", the published ranges, or "full", every length. seed: of everything that is drawn.
 /// epochs: stop after so many rounds over the parts; None: never. first_epoch: begin there.
 /// directions: as of `analyze`, by default the published ones. sites: as of `analyze`, of meshes.
 /// mirror: in x with probability 1/2. turn: about +z, "none", "quarter" or "any". sides: probability of another side
@@ -94,9 +93,8 @@ fn settings_of(
     let mut settings = OnlineSettings::default();
     if let Some(cutters) = cutters {
         let name = text_of("cutters", cutters)?;
-        let found = CutterSet::ALL.into_iter().find(|set| set.name() == name);
-        settings.cutter_set = found.ok_or_else(|| {
-            let expected = "uniform, short, long or extreme";
+        settings.cutter_set = name.parse().map_err(|_| {
+            let expected = "uniform, short, long, extreme or full";
             refused(py, "cutters", format!("`{name}`"), expected, "uniform is that of the paper")
         })?;
     }

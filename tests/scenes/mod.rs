@@ -30,7 +30,7 @@ pub fn solids(n: usize) -> Sites {
 
 pub fn cutters(n: usize, seed: u64) -> Vec<Cutter> {
     let mut stream = Stream::new(seed, 0, 0, Purpose::Cutter);
-    let draw = |i: usize| CutterSet::ALL[i % 4].draw(&mut stream);
+    let draw = |i: usize| CutterSet::PUBLISHED[i % 4].draw(&mut stream);
     (0..n).map(draw).map(|params| Cutter::ball_end(params).unwrap()).collect()
 }
 

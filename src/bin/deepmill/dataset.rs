@@ -51,7 +51,8 @@ struct BuildArgs {
     /// Random cutters per part. A part and all its cutters are in one split.
     #[arg(long, default_value_t = 1, value_name = "COUNT")]
     cutters: usize,
-    /// Where cutters are drawn from: uniform, short, long or extreme.
+    /// Where cutters are drawn from: uniform, short, long or extreme, as published, or full: every length from short to
+    /// extreme.
     #[arg(long, default_value = "uniform", value_name = "SET")]
     cutter_set: String,
     /// Sites per part.

@@ -424,8 +424,8 @@ class Prediction:
     def outside_domain(self) -> list[str]: ...
 
 def online(
-    parts: Iterable[_Part | Sites], cutters: Literal["uniform", "short", "long", "extreme"] = "uniform", *,
-    seed: int = 0, epochs: int | None = None, first_epoch: int = 1, directions: _Directions | None = None,
+    parts: Iterable[_Part | Sites], cutters: Literal["uniform", "short", "long", "extreme", "full"] = "uniform",
+    *, seed: int = 0, epochs: int | None = None, first_epoch: int = 1, directions: _Directions | None = None,
     sites: int | Literal["vertices"] = 7000, smooth: float | None = None, mirror: bool = True,
     turn: Literal["none", "quarter", "any"] = "quarter", sides: float = 0.3, tilt: float = 0.1,
     size_mm: tuple[float, float] | None = None,

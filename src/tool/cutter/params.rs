@@ -78,7 +78,7 @@ impl FromStr for CutterParams {
     }
 }
 
-/// The published ranges that cutters are drawn from; each length is uniform and independent.
+/// Ranges that cutters are drawn from; each length is uniform and independent. All but [`CutterSet::Full`] are published.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -91,20 +91,23 @@ pub enum CutterSet {
     Long,
     /// Beyond the training range: CR 1–2, CH 20–20.1, FR 5–5.1, FH 20–20.1.
     Extreme,
+    /// Every length from short to extreme: CR 1–2, CH 0.1–20.1, FR 5–100, FH 0.1–20.1.
+    Full,
 }
 
 impl CutterSet {
-    /// Every set, in the order of the paper.
-    pub const ALL: [CutterSet; 4] =
+    /// The published sets, in the order of the paper.
+    pub const PUBLISHED: [CutterSet; 4] =
         [CutterSet::Uniform, CutterSet::Short, CutterSet::Long, CutterSet::Extreme];
 
-    /// `uniform`, `short`, `long` or `extreme`.
+    /// `uniform`, `short`, `long`, `extreme` or `full`.
     pub fn name(self) -> &'static str {
         match self {
             CutterSet::Uniform => "uniform",
             CutterSet::Short => "short",
             CutterSet::Long => "long",
             CutterSet::Extreme => "extreme",
+            CutterSet::Full => "full",
         }
     }
 
@@ -116,6 +119,7 @@ impl CutterSet {
             CutterSet::Short => [cr, [0.1, 0.2], [80.0, 100.0], [0.1, 0.2]],
             CutterSet::Long => [cr, [10.0, 10.1], [5.0, 5.1], [10.0, 10.1]],
             CutterSet::Extreme => [cr, [20.0, 20.1], [5.0, 5.1], [20.0, 20.1]],
+            CutterSet::Full => [cr, [0.1, 20.1], [5.0, 100.0], [0.1, 20.1]],
         }
     }
 
@@ -138,8 +142,9 @@ impl FromStr for CutterSet {
     /// # Errors
     /// If no set has it.
     fn from_str(name: &str) -> Result<Self> {
-        CutterSet::ALL.into_iter().find(|set| set.name() == name).ok_or_else(|| {
-            let expected = "uniform, short, long or extreme";
+        let mut sets = CutterSet::PUBLISHED.into_iter().chain([CutterSet::Full]);
+        sets.find(|set| set.name() == name).ok_or_else(|| {
+            let expected = "uniform, short, long, extreme or full";
             Error::argument("cutter set", name, expected, "name one of these")
         })
     }
@@ -153,7 +158,7 @@ mod tests {
 
     #[test]
     fn drawn_cutters_lie_in_their_ranges_and_are_valid() {
-        for set in CutterSet::ALL {
+        for set in CutterSet::PUBLISHED.into_iter().chain([CutterSet::Full]) {
             assert_eq!(set.name().parse::<CutterSet>().unwrap(), set);
             let mut stream = Stream::new(1, 0, 0, Purpose::Cutter);
             for _ in 0..100 {

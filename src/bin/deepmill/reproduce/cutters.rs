@@ -40,7 +40,7 @@ pub fn run(study: &Study) -> Result<Value> {
     columns.push(("inaccessible", "inaccessible, exact"));
     let mut table = Table::new(&columns);
     let mut sheet = Sheet::default();
-    for set in CutterSet::ALL {
+    for set in CutterSet::PUBLISHED {
         let samples = test_samples(study, set)?;
         for (name, trained) in &networks {
             study.go_on()?;

@@ -148,7 +148,7 @@ fn difference(sheet: &mut Sheet, part: &Part, answered: &Answered, head: usize, 
 fn cutters(study: &Study, model: &AnyModel<f32>) -> Result<Sheet> {
     let part = &study.test_parts()[..1];
     let mut sheet = Sheet::default();
-    for set in CutterSet::ALL {
+    for set in CutterSet::PUBLISHED {
         let draw = Draw { sets: &[set], n_cutters: 1 };
         for sample in labeled(study, part, &draw, &Labeler::published(), study.args.sites)? {
             let answered = answer(model, sample)?;
