@@ -43,7 +43,7 @@ mod tests {
     use super::*;
     use crate::answers::Definition;
     use crate::model::Calibration;
-    use crate::tool::cutter::CutterParams;
+    use crate::tool::cutter::{CutterParams, CutterSet};
     use glam::Vec3;
 
     #[test]
@@ -60,7 +60,7 @@ mod tests {
     fn the_planes_give_back_every_byte_of_the_file() {
         let hash = hmac_sha256::Hash::hash(&Model::shipped_file());
         let hash: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
-        assert_eq!(hash, "810e05216a65d68944478db5e4bb1148278a7e2d7b983759e951102b83bd3582");
+        assert_eq!(hash, "098c52d19f18eaa58e07c55a580bcfbbf15e07735a1943611a714152fdc93860");
         let header = "\x02\0\0\0\0\0\0\0{}";
         let joined = join_planes(format!("{header}acebdf").as_bytes());
         assert_eq!(joined, format!("{header}abcdef").as_bytes());
@@ -79,6 +79,12 @@ mod tests {
         };
         for (edge, cr) in [(80.0, 1.5), (47.0, 1.5), (80.0, 6.0), (500.0, 1.5)] {
             assert_eq!(outside(edge, cr), [], "{edge} {cr}");
+        }
+        for set in CutterSet::PUBLISHED {
+            let ends = |end: usize| CutterParams::from_array(set.ranges_mm().map(|r| r[end]));
+            for (edge, cutter) in [(20.0, ends(0)), (20.0, ends(1)), (500.0, ends(0))] {
+                assert_eq!(domain.outside(&corners(edge), cutter), [], "{set} {edge}");
+            }
         }
         assert_eq!(outside(8.0, 1.5)[0].quantity, "CR");
         assert!(outside(80.0, 30.0)[0].is_far());
