@@ -22,7 +22,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// definition. The same arguments give the same samples.
 ///
 /// parts: a sequence of Mesh, of objects with `vertices` and `faces`, or of Sites.
-/// cutters: "uniform", "short", "long" or "extreme", the published ranges, or "full", every length. seed: of everything that is drawn.
+/// cutters: "uniform", "short", "long" or "extreme", the published ranges, or "full", every length. seed: of everything
+/// that is drawn.
 /// epochs: stop after so many rounds over the parts; None: never. first_epoch: begin there.
 /// directions: as of `analyze`, by default the published ones. sites: as of `analyze`, of meshes.
 /// mirror: in x with probability 1/2. turn: about +z, "none", "quarter" or "any". sides: probability of another side
