@@ -140,14 +140,17 @@ impl Elastic {
         self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)
     }
 
-    /// Displaces sites, and those of the surface about points of space, with the normals of the displaced surface.
+    /// Displaces sites, and those of the surface about points of space, with the normals of the displaced surface. With
+    /// `stands` the lowest of them keep their height: what the part stands on stays a plane.
     pub(super) fn deform(
         &self,
         sites: &mut Sites,
         surface: Option<&mut Sites>,
+        stands: bool,
         stream: &mut Stream,
     ) {
         let Some(field) = self.field(sites, surface.as_deref(), stream) else { return };
+        let field = Field { stands, ..field };
         for sites in std::iter::once(sites).chain(surface) {
             for (p, n) in sites.points.iter().zip(&mut sites.normals) {
                 // A surface element with normal n gets the normal J⁻ᵀ n; J = 1 + the field's derivative.
@@ -167,7 +170,7 @@ impl Elastic {
         let longest = (high - low).max_element();
         let cell = (self.spacing as f32 * longest).max(longest / 64.0);
         let draw = || NoiseGrid::draw(low, high, cell, self.magnitude as f32 * longest, stream);
-        (cell > 0.0).then(draw).map(|noise| Field { low, cell, noise })
+        (cell > 0.0).then(draw).map(|noise| Field { low, cell, stands: false, noise })
     }
 }
 
@@ -175,12 +178,19 @@ impl Elastic {
 struct Field {
     low: Vec3,
     cell: f32,
+    /// Whether heights change less and less over the lowest cell, and not at all at its floor.
+    stands: bool,
     noise: NoiseGrid,
 }
 
 impl Field {
     fn at(&self, p: Vec3) -> Vec3 {
-        self.noise.at((p - self.low) / self.cell)
+        let place = (p - self.low) / self.cell;
+        let moved = self.noise.at(place);
+        match self.stands {
+            true => moved * Vec3::new(1.0, 1.0, place.z.clamp(0.0, 1.0)),
+            false => moved,
+        }
     }
 
     /// By central differences over a quarter of a cell.
@@ -328,7 +338,7 @@ mod tests {
         points.extend(grid.flat_map(|p| [2.0 * p, 2.0 * p + 0.05 * u, 2.0 * p + 0.05 * v]));
         let before = Sites { normals: vec![normal; points.len()], points, faces: vec![] };
         let mut after = before.clone();
-        elastic.deform(&mut after, None, &mut stream(1));
+        elastic.deform(&mut after, None, false, &mut stream(1));
         let mut turned = 0.0f32;
         let mut errors = Vec::new();
         for i in (2..after.len()).step_by(3) {
@@ -349,7 +359,7 @@ mod tests {
             faces: vec![],
         };
         let mut surface = part(&before);
-        elastic.deform(&mut space, Some(&mut surface), &mut stream(1));
+        elastic.deform(&mut space, Some(&mut surface), false, &mut stream(1));
         assert_eq!((space.points, surface), (after.points.clone(), part(&after)));
     }
 }

@@ -40,7 +40,8 @@ pub struct OnlineSettings {
     /// Range of the largest box edge that a part is scaled to, mm, drawn log-uniformly; `None`: as in the data set. Answers
     /// depend on the ratios of the cutter's lengths to the part's alone, so this trains for cutters of all sizes, too.
     pub size_mm: Option<[f64; 2]>,
-    /// Elastic deformation before labeling, or none.
+    /// Elastic deformation before labeling, or none. With a bottom rule a part keeps standing: its lowest sites keep
+    /// their height.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub elastic: Option<Elastic>,
 }
@@ -208,7 +209,8 @@ impl SampleSource for Online {
         };
         let (mut sites, mut surface) = (place(&part.sites), part.surface.as_deref().map(place));
         if let Some(elastic) = self.settings.elastic {
-            elastic.deform(&mut sites, surface.as_mut(), &mut stream(Purpose::Augment));
+            let stands = surface.is_none() && self.options.bottom_mm.is_some();
+            elastic.deform(&mut sites, surface.as_mut(), stands, &mut stream(Purpose::Augment));
         }
         let cutter = self.settings.cutter(&mut stream(Purpose::Cutter));
         let tool = Cutter::ball_end(cutter)?;
@@ -345,6 +347,45 @@ mod tests {
         assert_eq!(deformed.answers, exact(&deformed.sites).answers);
         assert_ne!(deformed.answers.inaccessible(), plain.answers.inaccessible());
         assert!(deformed.sites.check().is_ok());
+    }
+
+    #[test]
+    fn a_deformed_part_keeps_standing_on_its_bottom() {
+        let block = solids::cuboid(glam::DVec3::new(80.0, 60.0, 40.0));
+        let sites = sites::sample(&block, &SiteOptions { n_sites: 500, ..Default::default() });
+        let sites = Arc::new(sites.unwrap());
+        let answers = SiteAnswers::new(vec![false; 500], vec![false; 500]);
+        let part = Sample::new("block", sites.clone(), [1.5, 6.0, 40.0, 5.0].into(), answers);
+        let lowest = |sites: &Sites| sites.points.iter().fold(f32::MAX, |low, p| low.min(p.z));
+        let below = |sites: &Sites| sites.points.iter().map(|p| p.z == lowest(sites)).collect();
+        let at_bottom: Vec<bool> = below(&sites);
+        assert!(at_bottom.iter().filter(|yes| **yes).count() > 50);
+        let rigid = OnlineSettings {
+            mirror: false,
+            turn: Turn::None,
+            tilt: 0.0,
+            sides: 0.0,
+            ..Default::default()
+        };
+        let settings = rigid.with_elastic(Some(Elastic::new(0.2, 0.02)));
+        let deformed = |options| {
+            let directions = Directions::fibonacci_hemisphere(20).unwrap();
+            let source = Online::new(std::slice::from_ref(&part), directions, options, settings, 3);
+            source.unwrap().sample(0, 0).unwrap()
+        };
+        let sample = deformed(LabelOptions::published());
+        assert_eq!(below(&sample.sites), at_bottom);
+        let inaccessible = sample.answers.inaccessible();
+        assert!((0..500).all(|i| !(at_bottom[i] && inaccessible[i])));
+        let moved = |i: usize| sample.sites.points[i].distance(sites.points[i]) > 0.1;
+        assert!((0..500).filter(|i| moved(*i)).count() > 400, "it is deformed");
+        for (normal, _) in
+            sample.sites.normals.iter().zip(&at_bottom).filter(|(_, bottom)| **bottom)
+        {
+            assert!(normal.distance(Vec3::NEG_Z) < 1e-4, "{normal}");
+        }
+        let free = deformed(LabelOptions { bottom_mm: None, ..LabelOptions::published() });
+        assert_ne!(below(&free.sites), at_bottom, "without a bottom rule nothing stands");
     }
 
     #[test]
