@@ -105,7 +105,8 @@ impl Augment {
         };
         let mut sites = map_all(&sample.sites);
         let mut surface = sample.surface.as_deref().map(map_all);
-        if let Some(field) = self.elastic.and_then(|e| e.field(&sites, surface.as_ref(), stream)) {
+        let field = self.elastic.and_then(|e| e.field(&sites, surface.as_ref(), false, stream));
+        if let Some(field) = field {
             let points = &mut sites.points;
             let of_surface = surface.iter_mut().flat_map(|surface| &mut surface.points);
             points.iter_mut().chain(of_surface).for_each(|p| *p += field.at(*p));
@@ -140,8 +141,8 @@ impl Elastic {
         self.spacing > 0.0 && self.spacing <= 1.0 && (0.0..=1.0).contains(&self.magnitude)
     }
 
-    /// Displaces sites, and those of the surface about points of space, with the normals of the displaced surface. With
-    /// `stands` the lowest of them keep their height: what the part stands on stays a plane.
+    /// Displaces sites, and those of the surface about points of space, with the normals of the displaced surface. If
+    /// the part `stands`, the lowest of them keep their height.
     pub(super) fn deform(
         &self,
         sites: &mut Sites,
@@ -149,8 +150,7 @@ impl Elastic {
         stands: bool,
         stream: &mut Stream,
     ) {
-        let Some(field) = self.field(sites, surface.as_deref(), stream) else { return };
-        let field = Field { stands, ..field };
+        let Some(field) = self.field(sites, surface.as_deref(), stands, stream) else { return };
         for sites in std::iter::once(sites).chain(surface) {
             for (p, n) in sites.points.iter().zip(&mut sites.normals) {
                 // A surface element with normal n gets the normal J⁻ᵀ n; J = 1 + the field's derivative.
@@ -163,14 +163,20 @@ impl Elastic {
 
     /// Smoothed normal noise on a grid over the box of the points and the surface, to be interpolated trilinearly; none
     /// if that is a point.
-    fn field(&self, sites: &Sites, surface: Option<&Sites>, stream: &mut Stream) -> Option<Field> {
+    fn field(
+        &self,
+        sites: &Sites,
+        surface: Option<&Sites>,
+        stands: bool,
+        stream: &mut Stream,
+    ) -> Option<Field> {
         let points = sites.points.iter().chain(surface.into_iter().flat_map(|s| &s.points));
         let low = points.clone().copied().reduce(Vec3::min)?;
         let high = points.copied().reduce(Vec3::max)?;
         let longest = (high - low).max_element();
         let cell = (self.spacing as f32 * longest).max(longest / 64.0);
         let draw = || NoiseGrid::draw(low, high, cell, self.magnitude as f32 * longest, stream);
-        (cell > 0.0).then(draw).map(|noise| Field { low, cell, stands: false, noise })
+        (cell > 0.0).then(draw).map(|noise| Field { low, cell, stands, noise })
     }
 }
 
@@ -178,7 +184,7 @@ impl Elastic {
 struct Field {
     low: Vec3,
     cell: f32,
-    /// Whether heights change less and less over the lowest cell, and not at all at its floor.
+    /// Whether the part stands: heights change less and less towards the lowest site, from a cell above it on.
     stands: bool,
     noise: NoiseGrid,
 }
