@@ -6,13 +6,13 @@
 //! cargo bench --bench assembly -- FILE.s    # reads this file
 //! ```
 //!
-//! Kernels are the instances of `run_avx2` and `run_avx512` (`src/simd/isa.rs`). An innermost loop is a
-//! natural loop of the control flow with no other inside. In those with arithmetic on vectors none of these may stand: a gather or
-//! scatter, a call, a vector on the stack (spilled), a division, arithmetic on vectors narrower than those of the instruction set;
-//! and in those with fused multiply-adds no access to the stack at all. Nowhere may a
-//! kernel call vector arithmetic that was compiled for the baseline because it was not inlined, a closure for instance. Printed
-//! per kernel: its innermost loops, fused multiply-adds in the one that has most, and
-//! instructions per fused multiply-add there.
+//! Kernels are the instances of `run_avx2` and `run_avx512` (`src/simd/isa.rs`). An innermost loop is a natural loop of
+//! the control flow with no other inside. In those with arithmetic on vectors none of these may stand: a gather or
+//! scatter, a call, a vector on the stack (spilled), a division, arithmetic on vectors narrower than those of the
+//! instruction set; and in those with fused multiply-adds no access to the stack at all. Nowhere may a kernel call
+//! vector arithmetic that was compiled for the baseline because it was not inlined, a closure for instance. Printed per
+//! kernel: its innermost loops, fused multiply-adds in the one that has most, and instructions per fused multiply-add
+//! there.
 
 #![allow(clippy::print_stdout)]
 
@@ -254,8 +254,8 @@ fn calls_out(lines: &[&str], packed: &BTreeSet<&str>) -> Vec<String> {
     calls.collect()
 }
 
-/// Symbols of the functions of the crate that hold packed vector arithmetic, or call it: without its instruction set even a
-/// single instruction is a call.
+/// Symbols of the functions of the crate that hold packed vector arithmetic, or call it: without its instruction set
+/// even a single instruction is a call.
 fn packed_functions(text: &str) -> BTreeSet<&str> {
     let (mut found, mut symbol) = (BTreeSet::new(), "");
     for line in text.lines() {

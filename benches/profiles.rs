@@ -7,13 +7,13 @@
 //!
 //! *Times*: seconds of the lesser of two runs; ends with the median and the most of all parts and tools.
 //!
-//! *Dense*: tools that cut with their flank or the end. At every site that the labels do not reach, all poses of a dense
-//! set are tried in every direction: places of the cutting profile 0.1 mm apart, 72 turns around the axis; first those
-//! with normals up to 7° apart, as the definition has them but for facets, then up to 84°, which pass around edges too.
-//! A pose counts if it is free, and so is the tool at every step of a retreat: straight along the axis, or to
-//! one of 72 sides and then along it. Profiles are read here from their text. Drills go by closed forms and are left out.
-//! A line for a tool: sites, those that labels reach, those that the dense search alone reaches within 7° and within 84°,
-//! those without a proven retreat in the labels.
+//! *Dense*: tools that cut with their flank or the end. At every site that the labels do not reach, all poses of a
+//! dense set are tried in every direction: places of the cutting profile 0.1 mm apart, 72 turns around the axis; first
+//! those with normals up to 7° apart, as the definition has them but for facets, then up to 84°, which pass around
+//! edges too. A pose counts if it is free, and so is the tool at every step of a retreat: straight along the axis, or
+//! to one of 72 sides and then along it. Profiles are read here from their text. Drills go by closed forms and are left
+//! out. A line for a tool: sites, those that labels reach, those that the dense search alone reaches within 7° and
+//! within 84°, those without a proven retreat in the labels.
 //!
 //! Parts with an edge of the bounding box below 80 mm are scaled up to 80 mm.
 #![allow(clippy::print_stdout)]

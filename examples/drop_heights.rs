@@ -7,8 +7,8 @@
 //!
 //! Without arguments: three points of the demo part in two directions.
 //!
-//! Rows: direction (3), reference point of the tool (3), and how far the tool must be raised along the direction until its
-//! tip and until its steps are clear (see `access::surface::raise`), mm.
+//! Rows: direction (3), reference point of the tool (3), and how far the tool must be raised along the direction until
+//! its tip and until its steps are clear (see `access::surface::raise`), mm.
 
 use deepmill::access::surface::raise;
 use deepmill::cutter::{Cutter, CutterParams};

@@ -4,9 +4,9 @@
 //! free_poses PART.stl TOOLS.csv TOLERANCE < POSES
 //! ```
 //!
-//! A line of POSES is the number of a tool in the table, from 0, the direction from the tip to the holder (3) and the tip
-//! (3), with blanks between. For each, a line is 1 if the tool penetrates nothing deeper than the tolerance, mm, else 0.
-//! The table has the columns `profile`, `holder` and `stick_out` as `deepmill tools --export csv` writes them.
+//! A line of POSES is the number of a tool in the table, from 0, the direction from the tip to the holder (3) and the
+//! tip (3), with blanks between. For each, a line is 1 if the tool penetrates nothing deeper than the tolerance, mm,
+//! else 0. The table has the columns `profile`, `holder` and `stick_out` as `deepmill tools --export csv` writes them.
 //!
 //! Without arguments: a lollipop above a block, and in it.
 

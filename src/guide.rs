@@ -1,4 +1,5 @@
-//! The guides of `docs`, for reading beside the items. Links between them and their pictures are those of the repository.
+//! The guides of `docs`, for reading beside the items. Links between them and their pictures are those of the
+//! repository.
 #![allow(rustdoc::all)] // Brackets, formulas and paths of the repository are no links, tags or code.
 
 /// A module for each page. They hold formulas, which doctests would take for Rust.

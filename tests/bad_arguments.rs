@@ -1,5 +1,5 @@
-//! Bad arguments of library calls: each gives an error that names it, or a panic that the documentation states. None gives
-//! an answer.
+//! Bad arguments of library calls: each gives an error that names it, or a panic that the documentation states. None
+//! gives an answer.
 
 use deepmill::access::Labeler;
 use deepmill::access::surface::{SurfaceOptions, TriangleObstacles, raise};

@@ -5,8 +5,8 @@ mod command;
 
 use command::{CUTTER, Folder, block, deepmill, failure, stl, text};
 
-/// Tables, parts and fixtures keep their bytes, whatever the folder of the results; files that a command has written itself
-/// may be given again.
+/// Tables, parts and fixtures keep their bytes, whatever the folder of the results; files that a command has written
+/// itself may be given again.
 #[test]
 fn results_replace_no_file_that_is_read() {
     let folder = Folder::new();

@@ -19,8 +19,8 @@ fn every_experiment_writes_its_table_and_a_second_run_trains_nothing() {
     let out = folder.path("out");
     let args = reproduce("all", &out, &["--samples", "8"]);
     let first = json(&deepmill(&args));
-    // Without modules: two tables. As the preset has it: three, and a fourth with labels of the earlier rule. At 80 sites
-    // on CAD parts: two.
+    // Without modules: two tables. As the preset has it: three, and a fourth with labels of the earlier rule. At 80
+    // sites on CAD parts: two.
     assert_eq!(first["trained"], 32);
     for (name, n_rows, files) in [
         ("table1", 7, &[".md", ".csv"][..]),

@@ -98,9 +98,9 @@ fn a_wider_groove_is_shown_with_what_it_frees() {
     assert_eq!(status, 200);
     assert!(page.contains("data-version=\"1\"") && page.contains("connect-src 'self'"));
     assert_eq!(changes(&watch.shown(1)), [""; 0]);
-    // By +z alone a ball of 6 mm does not enter a groove of 4 mm. In one of 10 mm it reaches both walls but for 3 mm above
-    // the floor, 2 * 12 * 30 mm2, and 4 mm of the floor, 4 * 30 mm2. The wider groove takes 6 * 30 mm2 off the top and
-    // 6 * 15 mm2 off each end.
+    // By +z alone a ball of 6 mm does not enter a groove of 4 mm. In one of 10 mm it reaches both walls but for 3 mm
+    // above the floor, 2 * 12 * 30 mm2, and 4 mm of the floor, 4 * 30 mm2. The wider groove takes 6 * 30 mm2 off the
+    // top and 6 * 15 mm2 off each end.
     let by_hand = 720.0 + 120.0 - 180.0 - 180.0;
     grooved(&folder, 10.0, 15.0);
     let state = watch.shown(2);

@@ -1,5 +1,5 @@
-//! Mistakes that the kit of gradient checks catches, one wrong function for each, and right ones that pass. Wrong layers
-//! are in `gradcheck_state.rs`.
+//! Mistakes that the kit of gradient checks catches, one wrong function for each, and right ones that pass. Wrong
+//! layers are in `gradcheck_state.rs`.
 
 use deepmill::gradcheck::{
     Case, GradcheckSettings, adjoint, function, layer, matrix_shapes, negative_control,

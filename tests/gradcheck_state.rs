@@ -1,5 +1,5 @@
-//! Mistakes of layers, and of functions between calls, in memory that nobody wrote, or where numbers are none: the kit of
-//! gradient checks catches each, and passes the right one.
+//! Mistakes of layers, and of functions between calls, in memory that nobody wrote, or where numbers are none: the kit
+//! of gradient checks catches each, and passes the right one.
 
 use deepmill::gradcheck::{
     self, Case, GradcheckSettings, function, layer, negative_control, probe,

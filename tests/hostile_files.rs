@@ -1,5 +1,5 @@
-//! Mesh files: every way to write a part gives the same part, and every broken file gives one line that names the file, the
-//! place and the remedy.
+//! Mesh files: every way to write a part gives the same part, and every broken file gives one line that names the file,
+//! the place and the remedy.
 #![cfg(feature = "formats")]
 
 use deepmill::data::files::tools;

@@ -1,5 +1,5 @@
-//! Limits of the system and of other programs: little memory, a full disk, folders that cannot be written or that another program
-//! writes. Every command says so in one line, and what was written before stays as it was.
+//! Limits of the system and of other programs: little memory, a full disk, folders that cannot be written or that
+//! another program writes. Every command says so in one line, and what was written before stays as it was.
 #![cfg(all(feature = "cli", target_os = "linux"))]
 
 mod command;

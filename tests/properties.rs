@@ -28,7 +28,8 @@ fn labels(sites: &Sites, obstacles: Obstacles, cutter: &Cutter, directions: &Dir
     label(sites, obstacles, cutter, directions, &LabelOptions::default()).unwrap()
 }
 
-/// Sites on a lattice of quarter millimeters with normals along axes, and a cutter of such lengths: along axes everything is exact.
+/// Sites on a lattice of quarter millimeters with normals along axes, and a cutter of such lengths: along axes
+/// everything is exact.
 fn scenes() -> impl Strategy<Value = (Sites, [f64; 4])> {
     let sites = prop::collection::vec((prop::array::uniform3(0u8..40), 0usize..6), 2..120);
     (sites, prop::array::uniform4(1u8..32)).prop_map(|(sites, lengths)| {
@@ -186,8 +187,8 @@ proptest! {
     }
 }
 
-/// Labels and predictions are about ratios: twice or half as large, everything is the same to the last bit, down to tools of tenths of
-/// micrometers and up to parts of hundreds of meters.
+/// Labels and predictions are about ratios: twice or half as large, everything is the same to the last bit, down to
+/// tools of tenths of micrometers and up to parts of hundreds of meters.
 #[test]
 fn parts_of_any_size_get_the_labels_of_their_ratios() {
     let mesh = solids::torus(20.0, 6.0, 24, 12);

@@ -1,5 +1,6 @@
-//! The gradient of a small network of any shape, on any points: along one direction it is the difference of the loss, where steps of
-//! different length, forward and back, agree about that difference (beside a kink of a ReLU they do not).
+//! The gradient of a small network of any shape, on any points: along one direction it is the difference of the loss,
+//! where steps of different length, forward and back, agree about that difference (beside a kink of a ReLU they do
+//! not).
 #![no_main]
 
 use deepmill::gradcheck::probe;

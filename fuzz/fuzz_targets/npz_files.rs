@@ -1,5 +1,5 @@
-//! Whole files of labels, predictions, labeled parts and volumes with some bytes of their arrays changed, under right checksums:
-//! refused in one line, or read and the same after being written again. The first byte chooses the kind.
+//! Whole files of labels, predictions, labeled parts and volumes with some bytes of their arrays changed, under right
+//! checksums: refused in one line, or read and the same after being written again. The first byte chooses the kind.
 #![no_main]
 
 mod scratch;

@@ -1,5 +1,5 @@
-//! Any text as a sample of the published format, raw and as a list: refused in one line, or samples that pass their check. The
-//! first line is the cutter, the second the list.
+//! Any text as a sample of the published format, raw and as a list: refused in one line, or samples that pass their
+//! check. The first line is the cutter, the second the list.
 #![no_main]
 
 mod scratch;

@@ -1,5 +1,5 @@
-//! A page of any words and any sites: its words stay text, and its data read back: the description as JSON, the block of numbers as the
-//! groups and places that were put in.
+//! A page of any words and any sites: its words stay text, and its data read back: the description as JSON, the block
+//! of numbers as the groups and places that were put in.
 #![no_main]
 
 use deepmill::geom::Sites;

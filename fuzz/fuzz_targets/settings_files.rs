@@ -1,5 +1,5 @@
-//! Any text as settings of a run, over a preset: refused in one line, or settings that survive being written and are checked
-//! without a panic.
+//! Any text as settings of a run, over a preset: refused in one line, or settings that survive being written and are
+//! checked without a panic.
 #![no_main]
 
 mod scratch;

@@ -1,4 +1,5 @@
-//! Sites on any triangles over lattice points: refused in one line, or as many as asked for, on the faces that they name.
+//! Sites on any triangles over lattice points: refused in one line, or as many as asked for, on the faces that they
+//! name.
 #![no_main]
 
 mod scratch;

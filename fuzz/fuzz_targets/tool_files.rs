@@ -1,5 +1,5 @@
-//! Any bytes, read as any file of tools or of a holder: an error of one line or tools whose steps widen upward, never a panic. The first byte
-//! chooses the extension, what is given beside the file, and tools or holder.
+//! Any bytes, read as any file of tools or of a holder: an error of one line or tools whose steps widen upward, never a
+//! panic. The first byte chooses the extension, what is given beside the file, and tools or holder.
 #![no_main]
 
 use deepmill::cutter::Section;

@@ -55,7 +55,8 @@ impl Labeler {
         Labeler { directions, definition: Definition::Sites(options) }
     }
 
-    /// By the mesh definition: the triangles of `part` and of `fixtures` are the obstacles, see [`surface`](super::surface).
+    /// By the mesh definition: the triangles of `part` and of `fixtures` are the obstacles, see
+    /// [`surface`](super::surface).
     ///
     /// Open meshes and those that face inward are taken as they are, as by [`TriangleObstacles::new`];
     /// [`require_labelable`](crate::geom::check::require_labelable) refuses them.

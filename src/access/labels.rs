@@ -76,8 +76,8 @@ pub struct LabelOptions {
     pub engine: Engine,
     /// Also mark occlusion points (default). Costs several times the labels alone.
     pub occlusion: bool,
-    /// Return β (default). Otherwise the pruned engine counts it only for obstacles that may be occlusion points, and marks these in less
-    /// time; [`Labels::stats`] then leaves β out.
+    /// Return β (default). Otherwise the pruned engine counts it only for obstacles that may be occlusion points, and
+    /// marks these in less time; [`Labels::stats`] then leaves β out.
     pub beta: bool,
     /// Share of the ranked obstacles that are occlusion points, in (0, 1]; the paper's is 0.1.
     pub share: f64,
@@ -169,8 +169,8 @@ impl LabelOptions {
     }
 }
 
-/// Exact labels of a set of queries: the answers, and what they rest on. Lists follow the order of queries or obstacles as
-/// given.
+/// Exact labels of a set of queries: the answers, and what they rest on. Lists follow the order of queries or obstacles
+/// as given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Labels {

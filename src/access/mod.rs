@@ -17,8 +17,9 @@
 //! [`predicate`] fixes the order of every `f32` operation.
 //!
 //! The **published definition** ([`Labeler::published`]) is this with the directions of
-//! [`DirectionSet::Published`](crate::tool::directions::DirectionSet::Published) and with [`LabelOptions::published`]: sites
-//! lower than the lowest plus 1 mm are accessible by rule and not ranked, and the share of the others is rounded down.
+//! [`DirectionSet::Published`](crate::tool::directions::DirectionSet::Published) and with [`LabelOptions::published`]:
+//! sites lower than the lowest plus 1 mm are accessible by rule and not ranked, and the share of the others is rounded
+//! down.
 //!
 //! # Engines
 //!

@@ -88,8 +88,9 @@ impl Fixture {
         Ok(Fixture::square(part, [DVec3::X, DVec3::Y, DVec3::Z], (z_mm, width)))
     }
 
-    /// A table along x' and y' of a setup, so far below the lowest place of the part and below its middle; twice as wide
-    /// as the diagonal of its box, if it has no width: against a wide one no tool can tilt whose spindle is a half space.
+    /// A table along x' and y' of a setup, so far below the lowest place of the part and below its middle; twice as
+    /// wide as the diagonal of its box, if it has no width: against a wide one no tool can tilt whose spindle is a half
+    /// space.
     pub(super) fn table_below(
         part: &Mesh,
         turn: [DVec3; 3],

@@ -110,8 +110,8 @@ impl SetupRequest {
         self
     }
 
-    /// A square table in every setup, along x' and y', so far below the lowest place of the part and below its middle; if it
-    /// has no width, twice as wide as the diagonal of the part's box.
+    /// A square table in every setup, along x' and y', so far below the lowest place of the part and below its middle;
+    /// if it has no width, twice as wide as the diagonal of the part's box.
     #[must_use]
     pub fn table_below(mut self, below_mm: f64, width_mm: Option<f64>) -> Self {
         self.holding.table = Some(Table { below_mm, width_mm });

@@ -6,8 +6,8 @@ use crate::{Error, Result};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// The answer for one site. By the published definition a step penetrates the part if another site is in it, and the tip
-/// is not tested.
+/// The answer for one site. By the published definition a step penetrates the part if another site is in it, and the
+/// tip is not tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

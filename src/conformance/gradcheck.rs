@@ -2,12 +2,12 @@
 //! with their adjoint, in f64.
 //!
 //! [`function`] takes any function of named vectors (inputs and parameters alike) with a vector result `y`, and
-//! [`layer()`] any [`Layer`](crate::nn::layer::Layer). For a fixed random `dy` they compare what backward says about `⟨dy, y⟩` with the central
-//! difference `D(h) = ⟨dy, y(v + h) - y(v - h)⟩ / 2h`, element by element, whose leading error is removed by
-//! a second step: `(4 D(h) - D(2h)) / 3`. What is left is about `(h / s)⁴` where the function bends over a
-//! length `s` (batch norm over nearly equal rows bends over their small deviation), and a rounding error of
-//! about `2^-53 / h`. With `h = 1e-5` both stay near 1e-10, so a correct gradient of a smooth function passes
-//! at 1e-7, and a wrong one fails by many orders of magnitude.
+//! [`layer()`] any [`Layer`](crate::nn::layer::Layer). For a fixed random `dy` they compare what backward says about
+//! `⟨dy, y⟩` with the central difference `D(h) = ⟨dy, y(v + h) - y(v - h)⟩ / 2h`, element by element, whose leading
+//! error is removed by a second step: `(4 D(h) - D(2h)) / 3`. What is left is about `(h / s)⁴` where the function bends
+//! over a length `s` (batch norm over nearly equal rows bends over their small deviation), and a rounding error of
+//! about `2^-53 / h`. With `h = 1e-5` both stay near 1e-10, so a correct gradient of a smooth function passes at 1e-7,
+//! and a wrong one fails by many orders of magnitude.
 //!
 //! A scalar result, such as a loss, is rounded to its own magnitude, beside which one element's share may be
 //! small: no single step suits all elements. There `dy` is 1, and differences at the steps `h, 4h, 16h, 64h` are
@@ -106,8 +106,8 @@ pub struct Element {
     pub analytic: f64,
     /// What the differences say.
     pub numeric: f64,
-    /// `|analytic - numeric|` relative to the greater of both, 0 where rounding ([`GradcheckSettings::floor`]) or curvature
-    /// explain it; infinite for NaN.
+    /// `|analytic - numeric|` relative to the greater of both, 0 where rounding ([`GradcheckSettings::floor`]) or
+    /// curvature explain it; infinite for NaN.
     pub error: f64,
     /// Whether the slopes to both sides differ, and the analytic one is between them: a subgradient, and no error.
     pub is_kink: bool,
@@ -189,9 +189,9 @@ impl fmt::Display for GradientReport {
 
 /// Checks `backward` against central differences of `forward`.
 ///
-/// Both get the vectors of `inputs` in order; `backward(vectors, dy)` returns one gradient per vector,
-/// of its length. Anything random in the function must be held fixed between calls. Both are also called at inputs close
-/// by, and backward of a single output with another `dy` than 1.
+/// Both get the vectors of `inputs` in order; `backward(vectors, dy)` returns one gradient per vector, of its length.
+/// Anything random in the function must be held fixed between calls. Both are also called at inputs close by, and
+/// backward of a single output with another `dy` than 1.
 ///
 /// # Errors
 /// If there is nothing to check (no input element, an empty output, `max_elements` 0), an output is not finite, or if

@@ -37,8 +37,9 @@ pub struct OnlineSettings {
     pub sides: f64,
     /// Probability of a part to get any rotation, in `[0, 1]`; comes before the other turns.
     pub tilt: f64,
-    /// Range of the largest box edge that a part is scaled to, mm, drawn log-uniformly; `None`: as in the data set. Answers
-    /// depend on the ratios of the cutter's lengths to the part's alone, so this trains for cutters of all sizes, too.
+    /// Range of the largest box edge that a part is scaled to, mm, drawn log-uniformly; `None`: as in the data set.
+    /// Answers depend on the ratios of the cutter's lengths to the part's alone, so this trains for cutters of all
+    /// sizes, too.
     pub size_mm: Option<[f64; 2]>,
     /// Elastic deformation before labeling, or none. With a bottom rule a part keeps standing: its lowest sites keep
     /// their height.

@@ -71,8 +71,8 @@ impl Sample {
         self.sites.normals.is_empty() && !self.sites.is_empty()
     }
 
-    /// Checks that every vector has one entry per site, that the sites pass [`Sites::check`], or are points of space, and
-    /// the lengths make a cutter.
+    /// Checks that every vector has one entry per site, that the sites pass [`Sites::check`], or are points of space,
+    /// and the lengths make a cutter.
     ///
     /// # Errors
     /// Names the sample and what is wrong with it.

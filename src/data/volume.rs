@@ -78,7 +78,8 @@ impl Volume {
 }
 
 impl VolumeObstacles {
-    /// For each of `points` whether the tip of `cutter` can be there. None is an occlusion point: those are sites of the surface.
+    /// For each of `points` whether the tip of `cutter` can be there. None is an occlusion point: those are sites of
+    /// the surface.
     ///
     /// # Errors
     /// If a point is not finite, or as [`label`](crate::access::label()) and [`TriangleObstacles::label`].

@@ -1,4 +1,5 @@
-//! How much memory work may take: checked before any of it is allocated, so that work that is too large is refused with a number.
+//! How much memory work may take: checked before any of it is allocated, so that work that is too large is refused with
+//! a number.
 
 use crate::{Error, Result};
 use std::path::Path;
@@ -38,8 +39,9 @@ pub fn product(factors: impl IntoIterator<Item = usize>) -> u64 {
     factors.into_iter().fold(1, |product: u64, n| product.saturating_mul(n as u64))
 }
 
-/// Bytes that this process may still take: the least of the machine's memory and its control group's, less what is resident, and
-/// three quarters of the limit of its address space (`ulimit -v`), less what is mapped. What the system does not say does not limit.
+/// Bytes that this process may still take: the least of the machine's memory and its control group's, less what is
+/// resident, and three quarters of the limit of its address space (`ulimit -v`), less what is mapped. What the system
+/// does not say does not limit.
 ///
 /// Other programs' memory is not subtracted, so that the answer does not depend on who else is at work.
 pub fn limit_bytes() -> u64 {

@@ -1,8 +1,8 @@
 //! Parallel loops whose results do not depend on the number of threads.
 //!
-//! Work is cut into blocks whose size is a constant of the call site, each output belongs to one
-//! block, and partial results are joined in block order. The only file that names rayon. Loops run in the default state of floating
-//! point, whatever the caller's.
+//! Work is cut into blocks whose size is a constant of the call site, each output belongs to one block, and partial
+//! results are joined in block order. The only file that names rayon. Loops run in the default state of floating point,
+//! whatever the caller's.
 //!
 //! Blocks are handed out one after another, to whichever thread is idle next; the thread that starts a loop
 //! takes part in it. Waking a sleeping thread takes longer than most of the network's loops: a worker spins
@@ -52,7 +52,8 @@ fn share_out<S, I>(
     on_threads(n_threads, &drain);
 }
 
-/// Calls `work` on `n_threads` threads, this one among them, as far as the pool has idle ones. For all loops: compiled once.
+/// Calls `work` on `n_threads` threads, this one among them, as far as the pool has idle ones. For all loops: compiled
+/// once.
 fn on_threads(n_threads: usize, work: &(dyn Fn() + Sync)) {
     let n_busy = AtomicUsize::new(n_threads - 1);
     rayon::in_place_scope(|scope| {

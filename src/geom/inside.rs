@@ -50,7 +50,8 @@ use std::collections::BTreeMap;
 
 /// Columns per parallel task.
 const BLOCK: usize = 64;
-/// A point at worst, alone in its column: that column with a winding number, whether it is inside, its place, and the answers about it.
+/// A point at worst, alone in its column: that column with a winding number, whether it is inside, its place, and the
+/// answers about it.
 const POINT_BYTES: usize = 96;
 /// A triangle in the grid.
 const TRIANGLE_BYTES: usize = 256;
@@ -72,8 +73,8 @@ impl Lattice {
     /// The midpoints of cubes of edge `step_mm` that cover the box from `low` to `high`, centered.
     ///
     /// # Errors
-    /// If a corner is not finite or `low` is above `high`, the step is not a positive number, or there would be more than
-    /// 2³⁰ points.
+    /// If a corner is not finite or `low` is above `high`, the step is not a positive number, or there would be more
+    /// than 2³⁰ points.
     pub fn covering(low: DVec3, high: DVec3, step_mm: f64) -> Result<Self> {
         if !(low.is_finite() && high.is_finite() && low.cmple(high).all()) {
             let found = format!("{low} to {high}");
@@ -140,7 +141,8 @@ impl Lattice {
 ///
 /// # Errors
 /// If a face names a missing vertex, or a vertex is not finite or beyond 10¹² mm; if the mesh is not closed and
-/// consistently oriented, so that there is no inside; if the points and the answers about them do not fit into the memory.
+/// consistently oriented, so that there is no inside; if the points and the answers about them do not fit into the
+/// memory.
 pub fn lattice_inside(mesh: &Mesh, lattice: &Lattice) -> Result<Vec<bool>> {
     let points = memory::product([lattice.len(), POINT_BYTES]);
     let triangles = memory::product([mesh.triangles.len(), TRIANGLE_BYTES]);

@@ -39,7 +39,8 @@ pub fn pairs(mesh: &Mesh) -> Vec<[u32; 2]> {
             let begins = |f: &u32| (*f, grid.same_axes(bounds[*f as usize].0, cell));
             let near: Vec<(u32, u8)> =
                 grid.in_cell(cell).iter().filter(has_area).map(begins).collect();
-            // A pair that meets in several cells is looked at in one: that in which what is common to their boxes begins.
+            // A pair that meets in several cells is looked at in one: that in which what is common to their boxes
+            // begins.
             let begins_here = |a: u8, b: u8| a | b == 0b111;
             let is_there: [bool; 8] =
                 std::array::from_fn(|axes| near.iter().any(|(_, of)| usize::from(*of) == axes));
@@ -219,7 +220,8 @@ mod tests {
         assert!(pairs(&quad).is_empty());
     }
 
-    /// Large triangles touch every cell, collapsed ones crowd in one: no cell but that in which they begin looks at all pairs.
+    /// Large triangles touch every cell, collapsed ones crowd in one: no cell but that in which they begin looks at all
+    /// pairs.
     #[test]
     fn coincident_triangles_are_paired_in_one_cell_only() {
         let n = 100_000;

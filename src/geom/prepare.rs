@@ -4,8 +4,8 @@ use super::repair::{self, Change};
 use super::{Mesh, bodies, check};
 use crate::Result;
 
-/// Makes of a mesh as it was read what can be labeled, as the commands do: loose vertices are dropped, a mesh that faces
-/// inward is turned, bodies that overlap are joined, shells within a body bound cavities. Returns what it did.
+/// Makes of a mesh as it was read what can be labeled, as the commands do: loose vertices are dropped, a mesh that
+/// faces inward is turned, bodies that overlap are joined, shells within a body bound cavities. Returns what it did.
 ///
 /// ```
 /// use deepmill::geom::{self, solids};

@@ -2,14 +2,15 @@
 //!
 //! # Definition
 //!
-//! Site `i` stands for the area `a_i` and has the radius `ρ_i = 2·√a_i`. Two sites with the same mark are *neighbors* if one is within the
-//! radius of the other along the surface:
+//! Site `i` stands for the area `a_i` and has the radius `ρ_i = 2·√a_i`. Two sites with the same mark are *neighbors*
+//! if one is within the radius of the other along the surface:
 //!
-//! - on a mesh whose triangles the sites know ([`Sites::faces`]): the triangle of `j` is reached from that of `i` across shared edges, over
-//!   triangles that meet the ball of radius `ρ_i` about `i`, which holds `j`;
+//! - on a mesh whose triangles the sites know ([`Sites::faces`]): the triangle of `j` is reached from that of `i`
+//!   across shared edges, over triangles that meet the ball of radius `ρ_i` about `i`, which holds `j`;
 //! - otherwise: the ball holds `j`, and both are on one sheet.
 //!
-//! A *region* is a connected component of that graph. So the two sides of a thin wall are apart, and a floor and its wall are not.
+//! A *region* is a connected component of that graph. So the two sides of a thin wall are apart, and a floor and its
+//! wall are not.
 //!
 //! ```text
 //! for every marked site i, for every site j of the same mark in the ball about i that is in another region so far:
@@ -33,7 +34,8 @@ pub(crate) const RADIUS: f64 = 2.0;
 /// If the sites fail [`Sites::check`].
 ///
 /// # Panics
-/// If `marks` or `areas_mm2` has not one entry per site, an area is negative or not finite, or the mesh names a missing vertex.
+/// If `marks` or `areas_mm2` has not one entry per site, an area is negative or not finite, or the mesh names a missing
+/// vertex.
 pub fn regions(
     sites: &Sites,
     mesh: Option<&Mesh>,
@@ -151,7 +153,8 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Squared distance of a point from a triangle, mm²: from the foot of the perpendicular if that is within, else from the nearest edge.
+/// Squared distance of a point from a triangle, mm²: from the foot of the perpendicular if that is within, else from
+/// the nearest edge.
 fn square_distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let normal = (b - a).cross(c - a);
     let edges = [(a, b), (b, c), (c, a)];

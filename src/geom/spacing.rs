@@ -174,7 +174,8 @@ pub(crate) fn relative_areas(sites: &Sites) -> Result<Vec<f64>> {
 }
 
 /// The area each site stands for, mm²: proportional to the squared distances of its nearest sites, scaled to
-/// `surface_mm2`, the area of the surface, or if that is not known to √3/2 of the squared distances, as in a hexagonal lattice.
+/// `surface_mm2`, the area of the surface, or if that is not known to √3/2 of the squared distances, as in a hexagonal
+/// lattice.
 ///
 /// # Errors
 /// If the sites fail [`Sites::check`], or the surface's area is negative or not finite.

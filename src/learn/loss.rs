@@ -147,8 +147,9 @@ pub(crate) fn check_logits(n_logits: usize, n_targets: usize, n_classes: usize) 
     Err(Error::argument("number of logits", n_logits, expected, remedy))
 }
 
-/// Mean cross-entropy of two logits per row, `[n, 2]`, against the share `y` of the second: `−y·ln p − (1 − y)·ln(1 − p)`,
-/// with the softmax `p` of the second logit; 0 for no rows. `dlogits` is overwritten with `scale` times its gradient.
+/// Mean cross-entropy of two logits per row, `[n, 2]`, against the share `y` of the second:
+/// `−y·ln p − (1 − y)·ln(1 − p)`, with the softmax `p` of the second logit; 0 for no rows. `dlogits` is overwritten
+/// with `scale` times its gradient.
 ///
 /// # Panics
 /// If `logits` and `shares` disagree in length.

@@ -59,8 +59,8 @@ impl Confusion {
         counts
     }
 
-    /// Counts of two logits a row (`[n, 2]`) against classes; "yes" is class `positive`, predicted where its logit is the
-    /// greater one; a logit that is not a number is not the greater one.
+    /// Counts of two logits a row (`[n, 2]`) against classes; "yes" is class `positive`, predicted where its logit is
+    /// the greater one; a logit that is not a number is not the greater one.
     ///
     /// # Panics
     /// If there are not two logits for each target, or a target or `positive` is not 0 or 1.

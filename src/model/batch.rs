@@ -130,7 +130,8 @@ pub struct Batch<T> {
     pub(crate) cutters: Vec<T>,
     /// Normals of the points for the heads, `[n_points, 3]`; empty if they do not read them.
     pub(crate) point_normals: Vec<T>,
-    /// What a coarse labeling says of the points ([`InputConfig::coarse_directions`]), `[n_points, 4]`; empty if the network does not read it.
+    /// What a coarse labeling says of the points ([`InputConfig::coarse_directions`]), `[n_points, 4]`; empty if the
+    /// network does not read it.
     pub(crate) coarse_answers: Vec<T>,
 }
 
@@ -138,8 +139,8 @@ impl<T: Scalar> Batch<T> {
     /// Normalizes each shape, builds the joint octree and its features.
     ///
     /// # Errors
-    /// If there are no shapes, or one has no points, lacks normals that the network reads, holds a number that is not finite, a
-    /// normal that is not a unit vector, or lengths that make no cutter; if the octree would be too large.
+    /// If there are no shapes, or one has no points, lacks normals that the network reads, holds a number that is not
+    /// finite, a normal that is not a unit vector, or lengths that make no cutter; if the octree would be too large.
     pub fn new(shapes: &[Shape], input: &InputConfig) -> Result<Self> {
         let _floats = par::DefaultFloats::set();
         let features = input.node_features()?;
@@ -232,8 +233,8 @@ impl<T: Scalar> Batch<T> {
     }
 }
 
-/// Points of a normalized shape are at most 2√3 = 3.47 apart, so that a holder that is wider or a shank that is longer than this
-/// collides with the same points (for CR up to 0.5): a network need not learn that.
+/// Points of a normalized shape are at most 2√3 = 3.47 apart, so that a holder that is wider or a shank that is longer
+/// than this collides with the same points (for CR up to 0.5): a network need not learn that.
 const LONGEST: f64 = 4.0;
 
 /// A length of a cutter in the unit that the network takes.

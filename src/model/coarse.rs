@@ -1,4 +1,5 @@
-//! What the network is told about each site before it looks at the shape: the labels of the published definition, as numbers.
+//! What the network is told about each site before it looks at the shape: the labels of the published definition, as
+//! numbers.
 //!
 //! ```text
 //! tools = the tool; the tool without its holder; the tool, half a finest cell wider
@@ -13,9 +14,9 @@
 //!     input = sign(d) √|d|
 //! ```
 //!
-//! The published definition takes milliseconds and is wrong at a tenth of the sites with 150 directions, at a twentieth with 600: between
-//! sites and directions it does not look. The network corrects it. The fourth root tells sites of one direction from sites of
-//! none; the square root tells the last occlusion point from the first site that is none.
+//! The published definition takes milliseconds and is wrong at a tenth of the sites with 150 directions, at a twentieth
+//! with 600: between sites and directions it does not look. The network corrects it. The fourth root tells sites of one
+//! direction from sites of none; the square root tells the last occlusion point from the first site that is none.
 
 use super::config::{InputConfig, N_COARSE};
 use super::cutter_modules::N_LENGTHS;
@@ -38,7 +39,8 @@ const MAX_BETA_DIRECTIONS: usize = 150;
 /// The paper's share of occlusion points.
 const OCCLUSION_SHARE: f64 = 0.1;
 
-/// Coarse answers, `[n_points, N_COARSE]`, of normalized clouds and cutters in their unit; empty if the network does not read them.
+/// Coarse answers, `[n_points, N_COARSE]`, of normalized clouds and cutters in their unit; empty if the network does
+/// not read them.
 ///
 /// # Errors
 /// If a tool is none.

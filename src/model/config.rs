@@ -87,7 +87,8 @@ impl CutterConfig {
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct AttentionConfig {
-    /// Depths at which the decoder has it, of 2 to 4: its time grows with the square of the number of nodes. None by default.
+    /// Depths at which the decoder has it, of 2 to 4: its time grows with the square of the number of nodes. None by
+    /// default.
     pub depths: Vec<usize>,
     /// Number of heads, which divides the width of each of these stages.
     pub n_heads: usize,

@@ -64,8 +64,8 @@ setters!(GraphSageConfig {
 });
 
 impl Default for GraphSageConfig {
-    /// Four layers of 64 channels, 16 nearest sites of which training draws ten, a cutter module of 32 channels before each
-    /// layer.
+    /// Four layers of 64 channels, 16 nearest sites of which training draws ten, a cutter module of 32 channels before
+    /// each layer.
     fn default() -> Self {
         GraphSageConfig {
             cube: Cube::Box,

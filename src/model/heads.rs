@@ -18,7 +18,8 @@ use std::ops::Range;
 
 /// Heads that every network has: inaccessible (class 0 = inaccessible), occlusion (class 1 = occlusion point).
 pub const N_HEADS: usize = 2;
-/// Place of the head after these, for the share of accessible directions ([`UNetConfig::share_head`](super::UNetConfig::share_head)).
+/// Place of the head after these, for the share of accessible directions
+/// ([`UNetConfig::share_head`](super::UNetConfig::share_head)).
 pub const SHARE_HEAD: usize = N_HEADS;
 /// Logits per point and head of the networks here.
 pub const N_CLASSES: usize = 2;

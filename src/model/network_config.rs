@@ -60,8 +60,8 @@ impl NetworkConfig {
         }
     }
 
-    /// Whether a network of this configuration may begin with the parameters of the other: both are the same but for the number of
-    /// coarse directions, if both read any.
+    /// Whether a network of this configuration may begin with the parameters of the other: both are the same but for
+    /// the number of coarse directions, if both read any.
     pub fn has_parameters_of(&self, other: &NetworkConfig) -> bool {
         let mut own = self.clone();
         if let (Some(own), Some(other)) = (own.octree_mut(), other.octree()) {

@@ -38,8 +38,8 @@ pub struct Model<T, N = UNet> {
     /// What its labels were about; `None` if that is not known.
     #[doc(hidden)] // what files of weights hold beside them
     pub definition: Option<Definition>,
-    /// What [`Model::predict`] applies to the logits of each head, so that probabilities are frequencies; the identity unless
-    /// it was [fitted](crate::train::calibration::fit).
+    /// What [`Model::predict`] applies to the logits of each head, so that probabilities are frequencies; the identity
+    /// unless it was [fitted](crate::train::calibration::fit).
     #[doc(hidden)] // what files of weights hold beside them
     pub calibration: [Calibration; N_HEADS],
 }
@@ -125,12 +125,14 @@ impl<T: Scalar, N: Network<T>> Model<T, N> {
 }
 
 impl<T: Scalar, N: SiteNetwork<T>> Model<T, N> {
-    /// All answers for every site of one part, in the order of `points_mm`. Logits are calibrated ([`Model::calibration`]).
+    /// All answers for every site of one part, in the order of `points_mm`. Logits are calibrated
+    /// ([`Model::calibration`]).
     ///
     /// # Errors
-    /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not of unit
-    /// length, or the lengths make no ball-end cutter
-    /// ([`Cutter::ball_end`](crate::tool::cutter::Cutter::ball_end)); if a calibration is not sound; if it does not fit into the memory.
+    /// If there are no points, one is not finite or beyond 1 km, a normal is missing that the network reads, or is not
+    /// of unit length, or the lengths make no ball-end cutter
+    /// ([`Cutter::ball_end`](crate::tool::cutter::Cutter::ball_end)); if a calibration is not sound; if it does not fit
+    /// into the memory.
     ///
     /// ```
     /// use deepmill::model::{Model, UNetConfig};

@@ -12,8 +12,9 @@ pub const INACCESSIBLE_CLASS: usize = 0;
 /// Class of head 2 that means "occlusion point"; class 0 means "none".
 pub const OCCLUSION_CLASS: usize = 1;
 
-/// Turns the margin `m` between the logits of "yes" and "no" into `slope · m + offset` (Platt 1999, *Probabilistic outputs for
-/// support vector machines*). An offset of 0 is the scaling by a temperature of `1 / slope` (Guo et al. 2017).
+/// Turns the margin `m` between the logits of "yes" and "no" into `slope · m + offset` (Platt 1999, *Probabilistic
+/// outputs for support vector machines*). An offset of 0 is the scaling by a temperature of `1 / slope` (Guo et al.
+/// 2017).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
@@ -98,8 +99,8 @@ pub struct Prediction<T> {
     /// Share of the directions in which the cutter has a free pose at the site, in [0, 1]; empty for a network
     /// without such a head.
     pub accessible_share: Vec<f32>,
-    /// What a network with [`coarse_directions`](super::config::InputConfig::coarse_directions) has read of each site beside the shape: three
-    /// numbers in [0, 1] and one in [−1, 1]; empty for others.
+    /// What a network with [`coarse_directions`](super::config::InputConfig::coarse_directions) has read of each site
+    /// beside the shape: three numbers in [0, 1] and one in [−1, 1]; empty for others.
     #[doc(hidden)] // of the program
     pub coarse_answers: Vec<[f32; N_COARSE]>,
 }

@@ -1,8 +1,8 @@
 //! The predictor: a network behind the interface of the exact labeler.
 //!
 //! The number of sites need not be that of the training. Sites fewer than the least number are filled up on the part's
-//! mesh ([`Predictor::answer_on`]); many are predicted as they are, up to `MANY` times the greatest number, and beyond in
-//! groups that each cover the whole part. What that does to the answers is measured in `docs/benchmarks.md`.
+//! mesh ([`Predictor::answer_on`]); many are predicted as they are, up to `MANY` times the greatest number, and beyond
+//! in groups that each cover the whole part. What that does to the answers is measured in `docs/benchmarks.md`.
 
 use super::domain::Domain;
 use super::predict::AnyModel;
@@ -104,8 +104,8 @@ impl Predictor {
         Ok(self.decide(self.predict(sites, cutter)?))
     }
 
-    /// As [`Predictor::answer`] for sites on `part`. Fewer than the network was trained with are as good as so many: others
-    /// are placed on the part, seen by the network and not answered.
+    /// As [`Predictor::answer`] for sites on `part`. Fewer than the network was trained with are as good as so many:
+    /// others are placed on the part, seen by the network and not answered.
     ///
     /// # Errors
     /// As [`Predictor::answer`], but for few sites; and as [`sample`].

@@ -9,9 +9,9 @@ use std::path::Path;
 const PLANES: &[u8] = include_bytes!("shipped/weights.planes");
 
 impl Model<f32> {
-    /// The network that comes with the crate: it answers by the mesh definition, for ball ends and machine parts of any size,
-    /// in the ratios of [`Model::domain`], directions over the upper hemisphere. Its data, commands and scores are in
-    /// `src/model/shipped/README.md`.
+    /// The network that comes with the crate: it answers by the mesh definition, for ball ends and machine parts of any
+    /// size, in the ratios of [`Model::domain`], directions over the upper hemisphere. Its data, commands and scores
+    /// are in `src/model/shipped/README.md`.
     ///
     /// # Errors
     /// Never, as long as the file in the crate belongs to this version; a test holds that.

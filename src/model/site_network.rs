@@ -26,8 +26,8 @@ pub trait SiteNetwork<T: Scalar>:
     /// The configuration it was built with.
     fn configuration(&self) -> NetworkConfig;
 
-    /// The input for `shapes`. Where training reads a random part of it, such as some neighbors in a graph, shape `i` draws
-    /// from `streams[i]`; inference has no streams and reads all.
+    /// The input for `shapes`. Where training reads a random part of it, such as some neighbors in a graph, shape `i`
+    /// draws from `streams[i]`; inference has no streams and reads all.
     ///
     /// # Errors
     /// If a shape has no points, lacks what the network reads, or holds a number that is not finite.

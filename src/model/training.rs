@@ -1,4 +1,5 @@
-//! The U-Net's forward pass for training and backward pass. What is saved between them is declared in [`super::policy`].
+//! The U-Net's forward pass for training and backward pass. What is saved between them is declared in
+//! [`super::policy`].
 
 use super::batch::Batch;
 use super::cutter_modules::{N_LENGTHS, SavedCutterModule};

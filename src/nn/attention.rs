@@ -1,4 +1,5 @@
-//! Multi-head self-attention between all nodes of a shape (Vaswani et al. 2017), around which the input takes a shortcut.
+//! Multi-head self-attention between all nodes of a shape (Vaswani et al. 2017), around which the input takes a
+//! shortcut.
 
 use super::arena::{Arena, Buffer};
 use super::column_norm::Epilogue;
@@ -17,15 +18,17 @@ use crate::exec::par;
 use crate::numeric::scalar::Scalar;
 use std::ops::Range;
 
-/// `y = x + [O₁ | … | O_h] W_outᵀ` with `[Q | K | V] = x W_qkvᵀ` and, for head `k` of `d = c/h` columns and the rows of one shape,
+/// `y = x + [O₁ | … | O_h] W_outᵀ` with `[Q | K | V] = x W_qkvᵀ` and, for head `k` of `d = c/h` columns and the rows of
+/// one shape,
 ///
 /// ```text
 /// P_k = softmax(Q_k K_kᵀ / √d)     row by row
 /// O_k = P_k V_k
 /// ```
 ///
-/// Every node meets every other of its shape, whatever their distance: time and memory grow with the square of their number. Products run in
-/// vectors, the exponentials of a row one by one. `W_out` starts at 0, so that the layer starts as the identity.
+/// Every node meets every other of its shape, whatever their distance: time and memory grow with the square of their
+/// number. Products run in vectors, the exponentials of a row one by one. `W_out` starts at 0, so that the layer starts
+/// as the identity.
 ///
 /// Where queries are 0, all nodes of the shape count the same: each gets the mean of their values.
 ///
@@ -329,8 +332,8 @@ mod tests {
         assert_eq!(y, x);
     }
 
-    /// Recorded with `torch.nn.functional.scaled_dot_product_attention` of PyTorch 2.15 in f64: two heads of one column, three rows,
-    /// `q, k, v = (x @ w.T).chunk(3, dim=1)`, `y = x + a @ o.T`.
+    /// Recorded with `torch.nn.functional.scaled_dot_product_attention` of PyTorch 2.15 in f64: two heads of one
+    /// column, three rows, `q, k, v = (x @ w.T).chunk(3, dim=1)`, `y = x + a @ o.T`.
     #[test]
     fn numbers_are_those_of_pytorch() {
         let (layer, layout, _) = attention(2, 2);

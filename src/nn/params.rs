@@ -53,7 +53,8 @@ impl Layout {
     /// Appends a learned tensor and returns its range in the parameter vector.
     ///
     /// # Panics
-    /// If the name is taken, the shape holds no element or more than can be counted, or a number of `init` is not finite.
+    /// If the name is taken, the shape holds no element or more than can be counted, or a number of `init` is not
+    /// finite.
     pub fn param(&mut self, name: impl Into<String>, shape: &[usize], init: Init) -> Range<usize> {
         append((&mut self.params, &self.buffers), name.into(), shape, init)
     }
@@ -76,7 +77,8 @@ impl Layout {
         self.buffers.last().map_or(0, |e| e.range.end)
     }
 
-    /// Checks that `operation` fits into the memory, which takes `bytes_of_each` for each parameter and running statistic.
+    /// Checks that `operation` fits into the memory, which takes `bytes_of_each` for each parameter and running
+    /// statistic.
     ///
     /// # Errors
     /// [`Error::TooLarge`](crate::Error::TooLarge) if it does not.

@@ -2,7 +2,8 @@
 
 use super::arena::Buffer;
 
-/// Whether an intermediate matrix that the backward pass needs is saved or recomputed. Gradients have the same bits either way.
+/// Whether an intermediate matrix that the backward pass needs is saved or recomputed. Gradients have the same bits
+/// either way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Policy {

@@ -1,5 +1,5 @@
-//! Work space that a thread keeps from call to call, for kernels with buffers of their own types. No result depends on its
-//! content. Plain buffers come from an [`super::arena::Arena`].
+//! Work space that a thread keeps from call to call, for kernels with buffers of their own types. No result depends on
+//! its content. Plain buffers come from an [`super::arena::Arena`].
 
 use std::any::Any;
 use std::cell::RefCell;

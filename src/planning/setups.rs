@@ -4,11 +4,11 @@
 //!
 //! A *setup* is a clamping of the part: the direction z' of the part that points to the spindle, or that lies along a
 //! rotary axis. Its *tool axes* are those that the [`Machine`] can take without clamping again: of a machine file those
-//! for which its rotary axes have angles within their limits. A site is reached in a setup iff some tool has a
-//! [free pose](crate::access::surface::AccessibleDirections) there along one of them, within the strokes of the machine
-//! where they are known, and the site is not on what the part lies on. The setups of a [`Plan`] are few of the
-//! [`Candidates`] that cover a share of the area that all candidates reach together. What holds the part is in the way if
-//! the answers are about obstacles with it; stock is not modelled.
+//! for which its rotary axes have angles within their limits. A site is reached in a setup iff some tool has a [free
+//! pose](crate::access::surface::AccessibleDirections) there along one of them, within the strokes of the machine where
+//! they are known, and the site is not on what the part lies on. The setups of a [`Plan`] are few of the [`Candidates`]
+//! that cover a share of the area that all candidates reach together. What holds the part is in the way if the answers
+//! are about obstacles with it; stock is not modelled.
 //!
 //! # Pseudo-code
 //!

@@ -332,8 +332,8 @@ impl Outcome {
     }
 }
 
-/// The answers about one tool. Arrays are read-only, if they are not called copies, one entry per site; None is what was
-/// not computed.
+/// The answers about one tool. Arrays are read-only, if they are not called copies, one entry per site; None is what
+/// was not computed.
 #[pyclass(frozen, module = "deepmill")]
 pub struct ToolAnswers {
     outcome: Arc<analysis::Outcome>,

@@ -1,4 +1,5 @@
-//! Upper estimates of what pictures, pages and findings take: what does not fit into the memory is refused before it is begun.
+//! Upper estimates of what pictures, pages and findings take: what does not fit into the memory is refused before it is
+//! begun.
 
 use super::raster::{Fragment, Surface};
 use crate::Result;
@@ -7,7 +8,8 @@ use crate::geom::{Mesh, Sites};
 
 /// The views, the picture and its file.
 const IMAGES_BYTES: u64 = 20 << 20;
-/// A triangle that is drawn: 48 for corners and normals; while these are made, 12 each for its area, its normal and lists of the faces at corners.
+/// A triangle that is drawn: 48 for corners and normals; while these are made, 12 each for its area, its normal and
+/// lists of the faces at corners.
 const TRIANGLE_BYTES: usize = 96;
 /// A vertex: 24, as many in the picture, 8 for those lists.
 const VERTEX_BYTES: usize = 64;
@@ -17,7 +19,8 @@ const SITE_BYTES: usize = 64;
 const DISC_BYTES: usize = 704;
 /// A triangle of a glTF file: 3 corners of 40, twice 96 of the file, and what holds these.
 const GLTF_TRIANGLE_BYTES: usize = 384;
-/// A triangle of a page, by its three vertices: the surface, their numbers by place and normal, and as numbers of the page.
+/// A triangle of a page, by its three vertices: the surface, their numbers by place and normal, and as numbers of the
+/// page.
 const PAGE_TRIANGLE_BYTES: usize = 768;
 /// A site of a page: its place and normal as numbers of the page, its area, and the tree that finds that.
 const PAGE_SITE_BYTES: usize = 256;

@@ -188,7 +188,8 @@ pub struct Cut {
     pub offset_mm: f64,
 }
 
-/// As [`draw`], of what a section leaves of a closed surface: where the back of a face is seen, the plane cuts the part.
+/// As [`draw`], of what a section leaves of a closed surface: where the back of a face is seen, the plane cuts the
+/// part.
 pub fn draw_cut(surface: &Surface, camera: &Camera, cut: Cut) -> Vec<Fragment> {
     let mut fragments = draw_where(surface, camera, |x, y, depth| {
         camera.unproject(x, y, depth).dot(cut.normal) <= cut.offset_mm

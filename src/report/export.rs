@@ -1,4 +1,5 @@
-//! Answers for other programs: a glTF file with colors, and a table with a row per site. `docs/formats.md` has the schema.
+//! Answers for other programs: a glTF file with colors, and a table with a row per site. `docs/formats.md` has the
+//! schema.
 
 use super::points::PointValues;
 use super::{Coloring, PartView};
@@ -96,8 +97,9 @@ const LONGEST_EDGE: f64 = 1.0;
 /// Bytes of a vertex: position and normal in `f32`, color in four `u16`.
 const STRIDE: usize = 32;
 
-/// Writes the part as triangles that are not shared, each in the color of the site nearest to its middle that faces the same way. Triangles longer than the
-/// sites are apart are cut in two until they are not. Positions are mm, +z up; a matrix makes meters and +y up of them, as glTF has it.
+/// Writes the part as triangles that are not shared, each in the color of the site nearest to its middle that faces the
+/// same way. Triangles longer than the sites are apart are cut in two until they are not. Positions are mm, +z up; a
+/// matrix makes meters and +y up of them, as glTF has it.
 ///
 /// # Errors
 /// If it does not fit into the memory, the system refuses the file, or it would have 4 GB.

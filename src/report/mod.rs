@@ -1,8 +1,7 @@
 //! Tables, colored point clouds, pictures and pages of results.
 //!
-//! [`coverage`] is about several tools at once, [`tables`](crate::tables) show numbers,
-//! [`findings`](crate::findings) lists regions that no tool reaches. `analysis` computes the results and writes all files
-//! of a report.
+//! [`coverage`] is about several tools at once, [`tables`](crate::tables) show numbers, [`findings`](crate::findings)
+//! lists regions that no tool reaches. `analysis` computes the results and writes all files of a report.
 
 pub mod coverage;
 #[doc(hidden)] // of the program

@@ -28,8 +28,9 @@ fn add_product([m, k, n]: [usize; 3], a: Strided, b: Strided, c: &mut [f64]) {
     };
     assert!(reach(m, k, a) && reach(k, n, b) && c.len() == m * n, "operands of a product");
     let stride = |x: usize| x as isize;
-    // SAFETY: `dgemm` reads `[m, k]` and `[k, n]` and writes `[m, n]` at the strides given: the last element of each, and with it all, lies
-    // inside its slice (asserted; rows of `c` are `n` apart, so that none overlap); `c` is borrowed here alone.
+    // SAFETY: `dgemm` reads `[m, k]` and `[k, n]` and writes `[m, n]` at the strides given: the last element of each,
+    // and with it all, lies inside its slice (asserted; rows of `c` are `n` apart, so that none overlap); `c` is
+    // borrowed here alone.
     unsafe {
         matrixmultiply::dgemm(
             m,

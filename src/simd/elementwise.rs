@@ -34,7 +34,8 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// From `from` on there are `first + n` numbers, and `n` is the number of lanes if `WHOLE`.
     #[inline(always)]
     pub(super) unsafe fn load<S: Simd>(self, s: S, from: *const f32) -> S::F32 {
-        // SAFETY: `n` numbers from `from + first` on may be read (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
+        // SAFETY: `n` numbers from `from + first` on may be read (the caller's promise): a whole vector if `WHOLE`, no
+        // more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => S::F32::load_ptr(s, from.add(self.first)),
@@ -47,7 +48,8 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// As for [`Chunk::load`], for writing.
     #[inline(always)]
     pub(super) unsafe fn store<S: Simd>(self, lanes: S::F32, to: *mut f32) {
-        // SAFETY: `n` places from `to + first` on may be written (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
+        // SAFETY: `n` places from `to + first` on may be written (the caller's promise): a whole vector if `WHOLE`, no
+        // more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => lanes.store_ptr(to.add(self.first)),
@@ -120,11 +122,13 @@ impl Kernel for Combine<'_, f32> {
         let (n, y, x) = (y.len(), y.as_mut_ptr(), x.as_ptr());
         let zero = S::F32::splat(s, 0.0);
         match combination {
-            // SAFETY: `y` and `x` have `n` numbers each (`combine` asserts it), `y` is borrowed here alone; chunks end at `n`.
+            // SAFETY: `y` and `x` have `n` numbers each (`combine` asserts it), `y` is borrowed here alone; chunks end
+            // at `n`.
             Combination::Add => for_each_vector!(S, n, |chunk| unsafe {
                 chunk.store::<S>(chunk.load(s, y) + chunk.load(s, x), y);
             }),
-            // SAFETY: `y` and `x` have `n` numbers each (`combine` asserts it), `y` is borrowed here alone; chunks end at `n`.
+            // SAFETY: `y` and `x` have `n` numbers each (`combine` asserts it), `y` is borrowed here alone; chunks end
+            // at `n`.
             Combination::PassRelu => for_each_vector!(S, n, |chunk| unsafe {
                 let passes = chunk.load(s, x).gt(zero);
                 chunk.store::<S>(chunk.load(s, y).select(passes, zero), y);
@@ -194,7 +198,8 @@ impl Kernel for SgdStep<'_, f32> {
         let zero = S::F32::splat(s, 0.0);
         let n = grads.len();
         let (g, v, p) = (grads.as_mut_ptr(), velocity.as_mut_ptr(), params.as_mut_ptr());
-        // SAFETY: the three slices have `n` numbers each (`sgd_step` asserts it), each borrowed here alone; chunks end at `n`.
+        // SAFETY: the three slices have `n` numbers each (`sgd_step` asserts it), each borrowed here alone; chunks end
+        // at `n`.
         for_each_vector!(S, n, |chunk| unsafe {
             let old = chunk.load(s, p);
             let new = momentum * chunk.load(s, v) + (chunk.load(s, g) + decay * old);
@@ -263,11 +268,13 @@ impl Kernel for SparseRows<'_, f32> {
                     }
                 }
                 for (v, sum) in sums.into_iter().enumerate() {
-                    // SAFETY: `chunks_exact_mut` cut `y` to `c` numbers, borrowed here alone; the stretch ends within them.
+                    // SAFETY: `chunks_exact_mut` cut `y` to `c` numbers, borrowed here alone; the stretch ends within
+                    // them.
                     unsafe { sum.store_ptr(y.add(first + v * S::LANES)) };
                 }
             }
-            // SAFETY: rows of `c` numbers end within `x` (`check`); `y` is one of `c` numbers, borrowed here alone; chunks end at `c - in_stretches`.
+            // SAFETY: rows of `c` numbers end within `x` (`check`); `y` is one of `c` numbers, borrowed here alone;
+            // chunks end at `c - in_stretches`.
             for_each_vector!(S, c - in_stretches, |chunk| unsafe {
                 let mut sum = S::F32::splat(s, 0.0);
                 for (&row, &weight) in sources.iter().zip(weights) {

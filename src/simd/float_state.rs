@@ -1,10 +1,11 @@
 //! The processor's state for floating point: rounding and what becomes of subnormal numbers.
 //!
-//! Code that is compiled for the default state gives other results where a caller has set flush-to-zero, denormals-are-zero or another
-//! rounding, and new threads take over the state of the thread that makes them. [`DefaultFloats`] sets the default, and the caller's state
-//! again when it is dropped.
+//! Code that is compiled for the default state gives other results where a caller has set flush-to-zero,
+//! denormals-are-zero or another rounding, and new threads take over the state of the thread that makes them.
+//! [`DefaultFloats`] sets the default, and the caller's state again when it is dropped.
 
-/// While this lives, floating point is in its default state: rounding to nearest, subnormal numbers kept, exceptions masked.
+/// While this lives, floating point is in its default state: rounding to nearest, subnormal numbers kept, exceptions
+/// masked.
 ///
 /// On processors other than x86-64 it does nothing.
 pub(crate) struct DefaultFloats {
@@ -54,15 +55,17 @@ mod mxcsr {
 
     pub fn get() -> u32 {
         let mut state = 0u32;
-        // SAFETY: every 64-bit x86 processor has SSE; the address is that of four bytes that may be written, and nothing else changes.
+        // SAFETY: every 64-bit x86 processor has SSE; the address is that of four bytes that may be written, and
+        // nothing else changes.
         unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut state, options(nostack, preserves_flags)) };
         state
     }
 
-    /// `state` is [`DEFAULT`] or what [`get`] has returned (in tests, with [`FLUSH`]): it has no reserved bit, which would fault.
+    /// `state` is [`DEFAULT`] or what [`get`] has returned (in tests, with [`FLUSH`]): it has no reserved bit, which
+    /// would fault.
     pub fn set(state: u32) {
-        // SAFETY: every 64-bit x86 processor has SSE; the address is that of four bytes that are read. Compiled code assumes the default
-        // state: another one is only ever set again where the caller had it before.
+        // SAFETY: every 64-bit x86 processor has SSE; the address is that of four bytes that are read. Compiled code
+        // assumes the default state: another one is only ever set again where the caller had it before.
         unsafe {
             asm!("ldmxcsr [{}]", in(reg) &raw const state, options(nostack, preserves_flags, readonly))
         };

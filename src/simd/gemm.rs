@@ -198,9 +198,10 @@ fn matmul_all_rows<S: Simd>(s: S, x: MatmulRows<'_, f32>, copy: &mut PanelCopy) 
                 let c = x.c[j.start - x.columns.start..].as_mut_ptr();
                 let width = x.columns.len();
                 let c = RowPointers { start: c, rows: &x.c_rows[r.clone()], width };
-                // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`); rows of `a` are `k` wide and inside it
-                // (`check_rows`), and p, the panel's depth, ends within them; rows of `c` are inside it likewise, j ends within them, and `c` is
-                // borrowed here alone; rows of the panel have `WIDTH·LANES` numbers: copied with zeros, or j is as wide.
+                // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`); rows of `a` are `k` wide
+                // and inside it (`check_rows`), and p, the panel's depth, ends within them; rows of `c` are inside it
+                // likewise, j ends within them, and `c` is borrowed here alone; rows of the panel have `WIDTH·LANES`
+                // numbers: copied with zeros, or j is as wide.
                 unsafe {
                     with_height!(r.len(), tile_rows::<S, WIDTH>(s, a, panel, c, j.len(), true))
                 };
@@ -219,8 +220,9 @@ fn matmul_few_rows<S: Simd>(s: S, x: MatmulRows<'_, f32>) {
             let a = RowPointers { start: x.a[p.start..].as_ptr(), rows: x.a_rows, width: x.k };
             let c = x.c[j - x.columns.start..].as_mut_ptr();
             let c = RowPointers { start: c, rows: x.c_rows, width: x.columns.len() };
-            // SAFETY: `a` and `c` have 1, 2 or FEW rows, as many as the tile is high; they are inside their matrices (`check_rows`), p and the
-            // whole tile of columns end within them; `c` is borrowed here alone; `in_place` asserts that rows of the panel are as wide.
+            // SAFETY: `a` and `c` have 1, 2 or FEW rows, as many as the tile is high; they are inside their matrices
+            // (`check_rows`), p and the whole tile of columns end within them; `c` is borrowed here alone; `in_place`
+            // asserts that rows of the panel are as wide.
             unsafe {
                 match x.a_rows.len() {
                     1 => tile_rows::<S, 1, FEW_WIDTH>(s, a, panel, c, n_columns, true),
@@ -256,14 +258,16 @@ fn matmul_tn_all_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
                 rows: &x.g_rows[r.clone()],
                 width: x.n,
             };
-            // SAFETY: rows of `g` are `n` wide and inside it (`check_rows`), and j, as wide as is read, ends within them.
+            // SAFETY: rows of `g` are `n` wide and inside it (`check_rows`), and j, as wide as is read, ends within
+            // them.
             let panel = unsafe { Panel::gathered(s, copy.rows(r.len(), n_columns), g, j.len()) };
             for p in tiles(x.k, S::TILE_ROWS) {
                 let a = x.a[p.start..].as_ptr();
                 let a = RowPointers { start: a, rows: &x.a_rows[r.clone()], width: x.k };
                 let d = (x.d[p.start * x.n + j.start..].as_mut_ptr(), x.n);
-                // SAFETY: `a` has a row for each row of the panel, inside it (`check_rows`), and p, as wide as the tile is high, ends within
-                // them; `d` is `[k, n]` (asserted) and borrowed here alone, p and j end within it; rows of the panel have `WIDTH·LANES` numbers.
+                // SAFETY: `a` has a row for each row of the panel, inside it (`check_rows`), and p, as wide as the tile
+                // is high, ends within them; `d` is `[k, n]` (asserted) and borrowed here alone, p and j end within it;
+                // rows of the panel have `WIDTH·LANES` numbers.
                 unsafe {
                     with_height!(p.len(), tile_tn::<S, WIDTH>(s, a, panel, d, j.len()));
                 }
@@ -281,7 +285,8 @@ fn matmul_tn_few_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
     let copies = copy.rows(n_rows * x.n.div_ceil(n_columns), n_columns);
     for (copy, start) in copies.chunks_exact_mut(len).zip((0..).step_by(n_columns)) {
         let g = RowPointers { start: x.g[start..].as_ptr(), rows: x.g_rows, width: x.n };
-        // SAFETY: rows of `g` are `n` wide and inside it (`check_rows`), and the columns read, to `n` at most, end within them.
+        // SAFETY: rows of `g` are `n` wide and inside it (`check_rows`), and the columns read, to `n` at most, end
+        // within them.
         unsafe { Panel::gathered(s, copy, g, n_columns.min(x.n - start)) };
     }
     let (a, d) = (x.a.as_ptr(), x.d.as_mut_ptr());
@@ -289,9 +294,10 @@ fn matmul_tn_few_rows<S: Simd>(s: S, x: MatmulTnRows<'_, f32>, copy: &mut PanelC
         let a = RowPointers { start: a.wrapping_add(p.start), rows: x.a_rows, width: x.k };
         for (copy, start) in copies.chunks_exact(len).zip((0..).step_by(n_columns)) {
             let width = n_columns.min(x.n - start);
-            // SAFETY: every copy was written as a whole by `gathered` above, a row for each row of `a`; these are inside `a` (`check_rows`), and
-            // p, as wide as the tile is high, ends within them; `d` is `[k, n]` (asserted) and borrowed here alone, p and the columns end
-            // within it; rows of the panel have `WIDTH·LANES` numbers.
+            // SAFETY: every copy was written as a whole by `gathered` above, a row for each row of `a`; these are
+            // inside `a` (`check_rows`), and p, as wide as the tile is high, ends within them; `d` is `[k, n]`
+            // (asserted) and borrowed here alone, p and the columns end within it; rows of the panel have `WIDTH·LANES`
+            // numbers.
             unsafe {
                 let panel = Panel::written::<S>(copy);
                 let d = (d.add(p.start * x.n + start), x.n);
@@ -389,8 +395,8 @@ mod tests {
         }
     }
 
-    /// Every height of a tile, every width up to more than a tile of the widest vectors, in matrices without a number to spare: the
-    /// address sanitizer sees each step beside them.
+    /// Every height of a tile, every width up to more than a tile of the widest vectors, in matrices without a number
+    /// to spare: the address sanitizer sees each step beside them.
     #[test]
     fn all_small_shapes_stay_inside_their_matrices() {
         for &isa in Isa::available() {

@@ -98,8 +98,9 @@ impl Kernel for NormalizeRows<'_, f32> {
         let n_rows = y.len() / columns.mean.len();
         let y = y.as_mut_ptr();
         let x = x.map_or(y.cast_const(), <[f32]>::as_ptr);
-        // SAFETY: `x`, `y` and the other operand have the same number of whole rows, and columns the width of a row (`check`); `y` is borrowed
-        // here alone, and where `x` is `y` it is the same pointer: each number is read before it is written.
+        // SAFETY: `x`, `y` and the other operand have the same number of whole rows, and columns the width of a row
+        // (`check`); `y` is borrowed here alone, and where `x` is `y` it is the same pointer: each number is read
+        // before it is written.
         unsafe {
             match activation {
                 Activation::Identity => {
@@ -167,8 +168,8 @@ impl Kernel for NormalizeRows<'_, f32> {
 /// `y = f(n(x), other, y)` for every row; `x` and `other` may be `y`.
 ///
 /// # Safety
-/// The pointers are valid for `n_rows` rows of as many numbers as there are columns, `y` for writing too and for nobody else; the three
-/// columns are of one length.
+/// The pointers are valid for `n_rows` rows of as many numbers as there are columns, `y` for writing too and for nobody
+/// else; the three columns are of one length.
 #[inline(always)]
 unsafe fn for_each_row<S: Simd>(
     s: S,
@@ -181,7 +182,8 @@ unsafe fn for_each_row<S: Simd>(
     let Columns { mean, factor, bias } = columns;
     let (c, mean, factor, bias) = (mean.len(), mean.as_ptr(), factor.as_ptr(), bias.as_ptr());
     for row in 0..n_rows {
-        // SAFETY: row `row < n_rows` of each pointer has `c` numbers, and so have the columns (the caller's promise); chunks end at `c`.
+        // SAFETY: row `row < n_rows` of each pointer has `c` numbers, and so have the columns (the caller's promise);
+        // chunks end at `c`.
         for_each_vector!(S, c, |chunk| unsafe {
             let (x, other, y) = (x.add(row * c), other.add(row * c), y.add(row * c));
             let centered = chunk.load(s, x) - chunk.load(s, mean);
@@ -224,7 +226,8 @@ impl BackwardRows<'_, f32> {
         dy: *const f32,
     ) -> [S::F32; 2] {
         let Columns { mean, factor, bias } = self.columns;
-        // SAFETY: the chunk is within `x`, `dy` and the columns (the caller's promise), which are of one length, as `inv_std` is (`check`).
+        // SAFETY: the chunk is within `x`, `dy` and the columns (the caller's promise), which are of one length, as
+        // `inv_std` is (`check`).
         unsafe {
             let centered = chunk.load(s, x) - chunk.load(s, mean.as_ptr());
             let mut dy = chunk.load(s, dy);
@@ -289,8 +292,8 @@ impl Kernel for BackwardSums<'_, f32> {
         assert!(dweight.len() == c && dbias.len() == c);
         for (x, dy) in x.chunks(STRIP * c).zip(dy.chunks(STRIP * c)) {
             let n_rows = x.len() / c;
-            // SAFETY: `x` and `dy` are of one length (`check`), so both strips have `n_rows` whole rows of `c` numbers; chunks end at `c`, the
-            // width of the columns. Sums are slices.
+            // SAFETY: `x` and `dy` are of one length (`check`), so both strips have `n_rows` whole rows of `c` numbers;
+            // chunks end at `c`, the width of the columns. Sums are slices.
             for_each_vector!(S, c, |chunk| unsafe {
                 let mut dw = load_sums(s, chunk, dweight);
                 let mut db = load_sums(s, chunk, dbias);
@@ -366,8 +369,9 @@ impl Kernel for BackwardApply<'_, f32> {
         let (read, over) = (read.as_ptr(), over.as_mut_ptr());
         let (x, dy) = if over_dy { (read, over.cast_const()) } else { (over.cast_const(), read) };
         for row in 0..n_rows {
-            // SAFETY: `read` and `over` are of one length (asserted), `n_rows` rows of `c` numbers; `over` is borrowed here alone, and each of its
-            // numbers is read before it is written; the columns and means have `c` numbers (`check`, asserted); chunks end at `c`.
+            // SAFETY: `read` and `over` are of one length (asserted), `n_rows` rows of `c` numbers; `over` is borrowed
+            // here alone, and each of its numbers is read before it is written; the columns and means have `c` numbers
+            // (`check`, asserted); chunks end at `c`.
             for_each_vector!(S, c, |chunk| unsafe {
                 let [x_hat, dy] = rows.load(s, chunk, x.add(row * c), dy.add(row * c));
                 let shift = x_hat * chunk.load(s, dweight.as_ptr());
@@ -396,7 +400,8 @@ impl Kernel for ColumnSums<'_, f32> {
         assert!(c > 0 && x.len().is_multiple_of(c) && mean.is_none_or(|mean| mean.len() == c));
         for x in x.chunks(STRIP * c) {
             let n_rows = x.len() / c;
-            // SAFETY: `x` is whole rows of `c` numbers (asserted), and the strip `n_rows` of them; chunks end at `c`. Sums are slices.
+            // SAFETY: `x` is whole rows of `c` numbers (asserted), and the strip `n_rows` of them; chunks end at `c`.
+            // Sums are slices.
             for_each_vector!(S, c, |chunk| unsafe {
                 let mut sum = load_sums(s, chunk, sums);
                 match mean {

@@ -45,8 +45,8 @@ impl CountingSort {
         greatest
     }
 
-    /// Number of items in lower buckets, once counting has ended and as long as no item is placed; of all items for the bucket after the
-    /// last.
+    /// Number of items in lower buckets, once counting has ended and as long as no item is placed; of all items for the
+    /// bucket after the last.
     ///
     /// # Panics
     /// If there is no such bucket.

@@ -1,8 +1,8 @@
 //! A k-d tree over points: nearest neighbors, and all within a radius.
 //!
-//! Points of a surface fill few cells of a uniform grid, and mesh vertices are anything but uniform;
-//! a tree does not mind either. Splitting at the median makes the shape a function of the number of points alone, so a node is
-//! its number and a range. Building costs n log n, a query on a surface about log n.
+//! Points of a surface fill few cells of a uniform grid, and mesh vertices are anything but uniform; a tree does not
+//! mind either. Splitting at the median makes the shape a function of the number of points alone, so a node is its
+//! number and a range. Building costs n log n, a query on a surface about log n.
 
 use glam::DVec3;
 use std::ops::Range;

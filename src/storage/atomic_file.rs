@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 /// Writes `path` through `fill`; an older file of that name stays until the new one is complete.
 ///
-/// Missing parent folders are made. The file has the permissions of any new file of this user. The file is synced before
-/// the rename and, on Unix, its folder after it, and the parents of folders that were made: after a loss of power there is
-/// the old file or the new one.
+/// Missing parent folders are made. The file has the permissions of any new file of this user. The file is synced
+/// before the rename and, on Unix, its folder after it, and the parents of folders that were made: after a loss of
+/// power there is the old file or the new one.
 ///
 /// # Errors
 /// If the system or `fill` refuses; nothing is left behind then, unless only the sync of the folder failed.
@@ -150,7 +150,8 @@ fn make_folders(folder: &Path) -> std::io::Result<()> {
     })
 }
 
-/// Makes a change of the names in `folder` last. File systems that cannot sync a folder say `InvalidInput` or `Unsupported`.
+/// Makes a change of the names in `folder` last. File systems that cannot sync a folder say `InvalidInput` or
+/// `Unsupported`.
 #[cfg(unix)]
 fn sync_folder(folder: &Path) -> std::io::Result<()> {
     use std::io::ErrorKind::{InvalidInput, Unsupported};
@@ -195,7 +196,8 @@ pub(crate) mod faults {
         })
     }
 
-    /// Runs `work`, whose steps are refused at number `refused` (from 1; 0: none); returns what it gives and the steps that it began.
+    /// Runs `work`, whose steps are refused at number `refused` (from 1; 0: none); returns what it gives and the steps
+    /// that it began.
     pub(super) fn steps_of<T>(refused: usize, work: impl FnOnce() -> T) -> (T, Vec<Step>) {
         PLAN.set(Some(Plan { refused, begun: Vec::new() }));
         let result = work();
@@ -203,8 +205,8 @@ pub(crate) mod faults {
         (result, plan.map(|plan| plan.begun).unwrap_or_default())
     }
 
-    /// For every n, from one that refuses the first step to one that refuses none: `work` with step n refused, which must then fail, and
-    /// then `check`, which hears whether it failed. Returns the number of steps.
+    /// For every n, from one that refuses the first step to one that refuses none: `work` with step n refused, which
+    /// must then fail, and then `check`, which hears whether it failed. Returns the number of steps.
     pub(crate) fn at_every_step<T: std::fmt::Debug>(
         mut work: impl FnMut() -> crate::Result<T>,
         mut check: impl FnMut(bool),

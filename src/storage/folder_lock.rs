@@ -1,6 +1,7 @@
 //! One program at a time writes a folder: a lock of the operating system on a hidden file in it.
 //!
-//! The system gives the lock back when the program ends in whatever way, so that a file that a killed program left does not block.
+//! The system gives the lock back when the program ends in whatever way, so that a file that a killed program left does
+//! not block.
 
 use crate::{Error, Result};
 use std::fs::{File, TryLockError};
@@ -10,8 +11,8 @@ use std::path::Path;
 /// Name of the lock of a whole folder.
 const WHOLE: &str = ".deepmill.lock";
 
-/// A lock on a folder, given back when it is dropped. Its file stays: removing it would let two programs lock different files of
-/// one name.
+/// A lock on a folder, given back when it is dropped. Its file stays: removing it would let two programs lock different
+/// files of one name.
 #[derive(Debug)]
 pub struct FolderLock {
     _files: Vec<File>,
@@ -23,14 +24,16 @@ impl FolderLock {
     /// A file system without locks (some network drives) is no error: nothing is locked then.
     ///
     /// # Errors
-    /// If another program (or another part of this one) has a lock on it, whose number the message says, or the system refuses the file.
+    /// If another program (or another part of this one) has a lock on it, whose number the message says, or the system
+    /// refuses the file.
     pub fn whole(folder: &Path) -> Result<Self> {
         let file = open(folder, WHOLE)?;
         hold(&file, File::try_lock, folder, folder)?;
         Ok(FolderLock { _files: vec![file] })
     }
 
-    /// Locks share `index` of `n` of `folder`: against a lock of the whole folder and against the same share, beside other shares.
+    /// Locks share `index` of `n` of `folder`: against a lock of the whole folder and against the same share, beside
+    /// other shares.
     ///
     /// # Errors
     /// As [`FolderLock::whole`].

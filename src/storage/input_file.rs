@@ -18,7 +18,8 @@ pub struct ReadLimit {
 pub const DATA: ReadLimit = ReadLimit { most_bytes: 4 << 30, expansion: 1 };
 /// Manifests, records, text of the published format.
 pub const TEXT: ReadLimit = ReadLimit { most_bytes: 1 << 30, expansion: 16 };
-/// Tool libraries, tables, holders, fixtures of gradients: two bytes may be a number of JSON, 72 bytes in a vector that doubles.
+/// Tool libraries, tables, holders, fixtures of gradients: two bytes may be a number of JSON, 72 bytes in a vector that
+/// doubles.
 pub const LIBRARY: ReadLimit = ReadLimit { most_bytes: 64 << 20, expansion: 80 };
 /// Findings that are known: some 700 bytes each.
 pub const BASELINE: ReadLimit = ReadLimit { most_bytes: 16 << 20, expansion: 250 };

@@ -1,8 +1,8 @@
 //! Buckets: ranges of the gradient that are joined together while the backward pass goes on.
 //!
-//! A range of parameters is complete as soon as backward has left its layer. Ranges that become complete one after another
-//! are joined in one bucket of at least [`BUCKET`] numbers, because each exchange has a latency. Which ranges lie in which bucket
-//! changes no bit: sums are those of single numbers.
+//! A range of parameters is complete as soon as backward has left its layer. Ranges that become complete one after
+//! another are joined in one bucket of at least [`BUCKET`] numbers, because each exchange has a latency. Which ranges
+//! lie in which bucket changes no bit: sums are those of single numbers.
 
 use crate::exec::processes::Processes;
 use std::collections::HashMap;

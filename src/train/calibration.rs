@@ -1,9 +1,10 @@
 //! Calibration: whether predicted probabilities are frequencies, and the slope and offset that make them so.
 //!
-//! A network that says 0.8 of many sites is calibrated if 80 % of them are positive. A slope of the margin between its logits
-//! repairs what is too sure or not sure enough (temperature scaling: Guo, Pleiss, Sun and Weinberger, *On calibration of modern
-//! neural networks*, 2017), an offset what is said too often or too seldom (Platt, *Probabilistic outputs for support vector
-//! machines*, 1999). The offset moves decisions, too. Heads of more than two classes have a slope alone, of all their logits.
+//! A network that says 0.8 of many sites is calibrated if 80 % of them are positive. A slope of the margin between its
+//! logits repairs what is too sure or not sure enough (temperature scaling: Guo, Pleiss, Sun and Weinberger, *On
+//! calibration of modern neural networks*, 2017), an offset what is said too often or too seldom (Platt, *Probabilistic
+//! outputs for support vector machines*, 1999). The offset moves decisions, too. Heads of more than two classes have a
+//! slope alone, of all their logits.
 
 use super::evaluate::predict;
 use crate::data::Sample;
@@ -18,8 +19,8 @@ use crate::{Error, Result};
 /// The samples should be a validation set: on what the network learned from it is too sure for good reason.
 ///
 /// # Errors
-/// If there are no samples, one is inconsistent, a head has labels of one class alone, or its margins are no better than chance
-/// or never wrong.
+/// If there are no samples, one is inconsistent, a head has labels of one class alone, or its margins are no better
+/// than chance or never wrong.
 pub fn fit<N: SiteNetwork<f32>>(
     model: &mut Model<f32, N>,
     samples: &[Sample],
@@ -62,8 +63,8 @@ impl Calibration {
     ///
     /// # Errors
     /// If there are fewer than two classes, a class is none of them, the number of logits is not that of rows times
-    /// classes, or a logit is not finite; if the network is no better than chance or never errs, or of two classes there
-    /// is one alone.
+    /// classes, or a logit is not finite; if the network is no better than chance or never errs, or of two classes
+    /// there is one alone.
     pub fn fit<T: Scalar, C: Copy + Into<usize>>(
         logits: &[T],
         classes: &[C],
@@ -108,8 +109,9 @@ const MOST_SLOPE: f64 = 1e3;
 /// Newton steps: more than ever needed.
 const N_STEPS: usize = 100;
 
-/// The calibration that minimizes the mean of `log(1 + exp(-s (slope m + offset)))`, where `s` is 1 for a positive and -1 for a
-/// negative, by Newton's method with halved steps: it is convex. `None` if there is no minimum of positive slope.
+/// The calibration that minimizes the mean of `log(1 + exp(-s (slope m + offset)))`, where `s` is 1 for a positive and
+/// -1 for a negative, by Newton's method with halved steps: it is convex. `None` if there is no minimum of positive
+/// slope.
 fn most_likely(margins: &[(f64, bool)]) -> Option<Calibration> {
     let mut at = Calibration::IDENTITY;
     let mut here = Loss::of(margins, at);
@@ -134,8 +136,8 @@ fn most_likely(margins: &[(f64, bool)]) -> Option<Calibration> {
     (at.is_sound() && at.slope < MOST_SLOPE).then_some(at)
 }
 
-/// The slope that minimizes the sum of `log Σ exp(slope z) − slope z_y` over rows `z` of class `y`, which is convex: where
-/// its derivative changes the sign. `None` if that is at 0 or less, or beyond every sensible slope.
+/// The slope that minimizes the sum of `log Σ exp(slope z) − slope z_y` over rows `z` of class `y`, which is convex:
+/// where its derivative changes the sign. `None` if that is at 0 or less, or beyond every sensible slope.
 fn most_likely_slope<T: Scalar>(rows: &[(&[T], usize)]) -> Option<Calibration> {
     // Σ softmax(slope z) · z − z_y over all rows.
     let derivative = |slope: f64| -> f64 {

@@ -1,17 +1,18 @@
-//! Groups: a step's samples in parts that pass through the network by themselves, and the tree that joins what they give.
+//! Groups: a step's samples in parts that pass through the network by themselves, and the tree that joins what they
+//! give.
 //!
 //! # Definition
 //!
-//! The `n` samples of a step are split into `G` groups, in order and evenly. Each group is normalized by itself and has a
-//! gradient vector `g₀ … g_{G−1}` of its own. Their sum is that of a binary tree over group numbers:
+//! The `n` samples of a step are split into `G` groups, in order and evenly. Each group is normalized by itself and has
+//! a gradient vector `g₀ … g_{G−1}` of its own. Their sum is that of a binary tree over group numbers:
 //!
 //! ```text
 //! sum(a..b) = g_a                          if b = a + 1
 //!           = sum(a..a+h) + sum(a+h..b)    h = the greatest power of two below b − a
 //! ```
 //!
-//! The tree depends on `G` alone. `N` processes have the groups in order and evenly; each sums the subtrees that lie wholly
-//! in its share ([`cover`]), and [`join`] forms the rest.
+//! The tree depends on `G` alone. `N` processes have the groups in order and evenly; each sums the subtrees that lie
+//! wholly in its share ([`cover`]), and [`join`] forms the rest.
 //!
 //! ```text
 //! join, on each process:
@@ -120,8 +121,8 @@ impl PartialSums {
         self.free.push(vector);
     }
 
-    /// What `push` of the last group of `groups` would make of the numbers of `ranges`: those of each of the subtrees in
-    /// this process's share, the ranges one after another.
+    /// What `push` of the last group of `groups` would make of the numbers of `ranges`: those of each of the subtrees
+    /// in this process's share, the ranges one after another.
     pub(super) fn with_last(
         &self,
         groups: &Groups,
@@ -144,7 +145,8 @@ impl PartialSums {
     }
 }
 
-/// The sum over the whole tree of what the processes have of it: `nodes` are the sums of the subtrees in this process's share.
+/// The sum over the whole tree of what the processes have of it: `nodes` are the sums of the subtrees in this process's
+/// share.
 pub(super) fn join(processes: &dyn Processes, groups: &Groups, nodes: &[Vec<f32>]) -> Vec<f32> {
     let (len, size) = (nodes[0].len(), processes.size());
     let segments: Vec<Range<usize>> = (0..size).map(|rank| share(len, rank, size)).collect();

@@ -51,8 +51,8 @@ impl Reliability {
         found
     }
 
-    /// Expected calibration error: the mean over all predictions of the distance between the mean probability of their bin and
-    /// its share of positives; `None` if there are none.
+    /// Expected calibration error: the mean over all predictions of the distance between the mean probability of their
+    /// bin and its share of positives; `None` if there are none.
     pub fn expected_error(&self) -> Option<f64> {
         let n: u64 = self.bins.iter().map(|bin| bin.n).sum();
         let of = |bin: &Bin| (bin.probability_sum - bin.n_positive as f64).abs();

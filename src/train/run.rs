@@ -78,8 +78,8 @@ pub struct Progress {
     pub best: Option<(f64, u64)>,
 }
 
-/// Numbers for each parameter beside the sums of gradients: parameters, velocity and their gradient; copies of the first two for a
-/// checkpoint, as numbers, as bytes and as a file.
+/// Numbers for each parameter beside the sums of gradients: parameters, velocity and their gradient; copies of the
+/// first two for a checkpoint, as numbers, as bytes and as a file.
 const N_VECTORS: usize = 9;
 
 /// A training run.
@@ -254,8 +254,9 @@ impl Run {
         self.train_together(source, validation, observer, &SingleProcess)
     }
 
-    /// [`Run::train`] on several processes, which share out the groups of each step and the validation samples. All call it
-    /// with the same run and the same samples, and end with the bits that a single process ends with. Each has an observer.
+    /// [`Run::train`] on several processes, which share out the groups of each step and the validation samples. All
+    /// call it with the same run and the same samples, and end with the bits that a single process ends with. Each has
+    /// an observer.
     ///
     /// # Errors
     /// As [`Run::train`], if there are fewer groups than processes, or if another process fails.

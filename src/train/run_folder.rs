@@ -29,8 +29,8 @@ const HISTORY: &str = "history.csv";
 /// | `checkpoint.safetensors` | everything [`RunFolder::resume`] needs |
 /// | `checkpoint.previous.safetensors` | the same, one store earlier |
 ///
-/// A resumed run ends with the bits of one that was never stopped. What writes into the folder locks it, until this value and its
-/// clones are dropped. Start, stop and resume:
+/// A resumed run ends with the bits of one that was never stopped. What writes into the folder locks it, until this
+/// value and its clones are dropped. Start, stop and resume:
 ///
 /// ```
 /// # use deepmill::{answers::SiteAnswers, cutter::*, data::Sample, geom::Sites, train::*};
@@ -105,8 +105,8 @@ impl RunFolder {
     /// A run at its beginning; writes its settings.
     ///
     /// # Errors
-    /// If the folder holds a run already, another program writes into it or it cannot be written, or a setting is outside its
-    /// domain.
+    /// If the folder holds a run already, another program writes into it or it cannot be written, or a setting is
+    /// outside its domain.
     pub fn start(&self, settings: Settings) -> Result<Run> {
         settings.check()?;
         self.lock()?;

@@ -37,7 +37,8 @@ pub struct LossSettings {
     pub label_smoothing: f64,
     /// Weight of the positive class of each head (inaccessible, occlusion) against 1 for the other.
     pub positive_weights: Option<[f64; 2]>,
-    /// Factor of the loss of the head that tells the share of accessible directions, where there is one; 1 if not given.
+    /// Factor of the loss of the head that tells the share of accessible directions, where there is one; 1 if not
+    /// given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub share_weight: Option<f64>,
 }
@@ -69,9 +70,9 @@ pub struct Settings {
     pub samples_per_epoch: Option<usize>,
     /// Samples per step.
     pub batch_size: usize,
-    /// Parts of a step's samples that go through the network by themselves, in memory for one of them: batch norm takes its
-    /// statistics from each, their gradients are summed along a tree, and the running statistics move to the mean of theirs.
-    /// As many processes can share a step. A group of one sample has no statistics of its cutter.
+    /// Parts of a step's samples that go through the network by themselves, in memory for one of them: batch norm takes
+    /// its statistics from each, their gradients are summed along a tree, and the running statistics move to the mean
+    /// of theirs. As many processes can share a step. A group of one sample has no statistics of its cutter.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub n_groups: usize,
     /// Learning rate that the schedule scales.

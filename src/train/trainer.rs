@@ -181,13 +181,12 @@ impl<N: Network<f32>> Trainer<N> {
     /// One step on `batch`; returns the loss.
     ///
     /// `loss` gets the logits of all heads, as [`Network::forward_train`] returns them, and returns the loss with its
-    /// gradients, one vector for each head, as long as its logits; [`CrossEntropy`](crate::learn::loss::CrossEntropy) makes
-    /// them.
+    /// gradients, one vector for each head, as long as its logits; [`CrossEntropy`](crate::learn::loss::CrossEntropy)
+    /// makes them.
     ///
     /// # Errors
-    /// If all steps are done, `loss` fails, a gradient has another length than the logits, or one of the numbers that it
-    /// returns is not finite.
-    /// The trainer is then as it was before.
+    /// If all steps are done, `loss` fails, a gradient has another length than the logits, or one of the numbers that
+    /// it returns is not finite. The trainer is then as it was before.
     pub fn step(
         &mut self,
         batch: &N::Batch,

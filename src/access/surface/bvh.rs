@@ -174,9 +174,9 @@ impl Bvh {
         Band { level, top: (high + slack) as f32 }
     }
 
-    /// Calls `test` with the place of every triangle that may reach into one of the levels or bands, until it returns true;
-    /// whether it did. `test` may change the levels on the way: raise them, or make them narrower or fewer. `stack` is
-    /// memory that calls share.
+    /// Calls `test` with the place of every triangle that may reach into one of the levels or bands, until it returns
+    /// true; whether it did. `test` may change the levels on the way: raise them, or make them narrower or fewer.
+    /// `stack` is memory that calls share.
     pub fn visit<R: Reach, L: AsRef<[R]>>(
         &self,
         stand: &Stand,

@@ -1,16 +1,16 @@
 //! Which directions a point of the surface closes: a cap of them.
 //!
-//! The point `p` is in a step `(t, R)` of the tool with reference point `c` in direction `d` iff, with `v = p − c`, `v·d > t`
-//! and `|v|² − (v·d)² < R²`. Both say that the angle between `v` and `d` is small enough: below `acos(t/|v|)`
+//! The point `p` is in a step `(t, R)` of the tool with reference point `c` in direction `d` iff, with `v = p − c`,
+//! `v·d > t` and `|v|² − (v·d)² < R²`. Both say that the angle between `v` and `d` is small enough: below `acos(t/|v|)`
 //! and `asin(R/|v|)`. So a point closes the cap about `v` with the angle
 //!
 //! ```text
 //! α = max over steps of  min(acos(t/|v|), asin(min(1, R/|v|)))
 //! ```
 //!
-//! and a cell of directions within ρ of its middle `m` is closed if `v·m > |v|·cos(α − ρ)`. The reference point of a bull
-//! nose or flat end moves when the tool turns: across the axis, by the radius of the ring, by which the steps are made
-//! narrower here.
+//! and a cell of directions within ρ of its middle `m` is closed if `v·m > |v|·cos(α − ρ)`. The reference point of a
+//! bull nose or flat end moves when the tool turns: across the axis, by the radius of the ring, by which the steps are
+//! made narrower here.
 
 use crate::simd::vector::MAX_LANES;
 use crate::simd::{Isa, Kernel, Simd, Vector};
@@ -32,7 +32,8 @@ pub(super) struct Silhouette {
 }
 
 impl Silhouette {
-    /// Of steps above the middle of the caps, smaller all around by `margin` and by `within`, by which reference points may be beside the middle.
+    /// Of steps above the middle of the caps, smaller all around by `margin` and by `within`, by which reference points
+    /// may be beside the middle.
     pub fn new(steps: impl Iterator<Item = [f64; 2]>, within: f64, margin: f64) -> Self {
         let shrink = |[height, radius]: [f64; 2], by: f64| [height + by, radius - by];
         let all: Vec<[f64; 2]> = steps.collect();
@@ -42,9 +43,9 @@ impl Silhouette {
         Silhouette { steps, whole }
     }
 
-    /// Within which angle of a direction a point stays in some step for all poses within `within` mm, if the reference point moves by no more
-    /// than `drift` mm per radian: turning by α changes height and distance from the axis by no more than α·(length + drift). `point`
-    /// is relative to the reference point in that direction.
+    /// Within which angle of a direction a point stays in some step for all poses within `within` mm, if the reference
+    /// point moves by no more than `drift` mm per radian: turning by α changes height and distance from the axis by no
+    /// more than α·(length + drift). `point` is relative to the reference point in that direction.
     pub fn stays(&self, point: DVec3, direction: DVec3, [drift, within]: [f64; 2]) -> f64 {
         let along = point.dot(direction);
         let distance = (point - direction * along).length();
@@ -64,7 +65,8 @@ impl Silhouette {
         cosine
     }
 
-    /// By what angle, nearly, a direction is within the cap of a point relative to the reference point; not positive outside.
+    /// By what angle, nearly, a direction is within the cap of a point relative to the reference point; not positive
+    /// outside.
     pub fn depth(&self, point: Vec3, direction: Vec3) -> f32 {
         let inverse = 1.0 / point.length_squared().max(LEAST).sqrt();
         let cosine = self.cosine(inverse);

@@ -134,8 +134,8 @@ impl PlaneNeighbors {
         PlaneNeighbors(over)
     }
 
-    /// Calls `then` with the faces in one plane with a face at the edge of a facet that reach in between the facet and its
-    /// curve, and how far, as a share of the chord error.
+    /// Calls `then` with the faces in one plane with a face at the edge of a facet that reach in between the facet and
+    /// its curve, and how far, as a share of the chord error.
     fn reaching_in(
         &self,
         mesh: &Mesh,

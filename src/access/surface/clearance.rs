@@ -1,6 +1,6 @@
 //! Signed clearance against triangles: how far the steps that do not cut may grow before a site becomes inaccessible,
-//! as [`Cutter::with_clearance`](crate::tool::cutter::Cutter::with_clearance) grows them; negative: how far all steps must
-//! shrink.
+//! as [`Cutter::with_clearance`](crate::tool::cutter::Cutter::with_clearance) grows them; negative: how far all steps
+//! must shrink.
 //!
 //! Both only grow with the margin, so one tool after the other is tested. In one direction the greatest `c` at which no
 //! step penetrates is found by bisection; a direction that is not clear at the best `c` so far is left after one tool.

@@ -17,10 +17,11 @@
 //! diameter of the cutter:      not in closed form: the sizes that are sold are labeled from the largest on
 //! ```
 //!
-//! A tool **given by its profile** may be in many poses. A pose penetrates by the greatest depth of a point in the tool,
-//! its distance from everything outside, beyond the tolerance. Of a direction the pose counts that penetrates least; it is
-//! blocked by the lowest part that does not cut and penetrates there, or else by what cuts, the tip. A pose may be free
-//! and not count: a retreat is not proven, or a drill is at no bore of its own diameter. Amounts of changes are labeled.
+//! A tool **given by its profile** may be in many poses. A pose penetrates by the greatest depth of a point in the
+//! tool, its distance from everything outside, beyond the tolerance. Of a direction the pose counts that penetrates
+//! least; it is blocked by the lowest part that does not cut and penetrates there, or else by what cuts, the tip. A
+//! pose may be free and not count: a retreat is not proven, or a drill is at no bore of its own diameter. Amounts of
+//! changes are labeled.
 //!
 //! # Pseudo-code
 //!

@@ -67,8 +67,8 @@ impl TriangleObstacles {
     /// ```
     ///
     /// # Errors
-    /// If no face of the part has an area, a face names a missing vertex, a vertex is not finite or beyond 1 km, or there
-    /// are more than two thousand million triangles.
+    /// If no face of the part has an area, a face names a missing vertex, a vertex is not finite or beyond 1 km, or
+    /// there are more than two thousand million triangles.
     pub fn new(part: &Mesh, fixtures: &[Mesh]) -> Result<Self> {
         let meshes = || std::iter::once(part).chain(fixtures);
         let needed =
@@ -100,9 +100,9 @@ impl TriangleObstacles {
         self.triangles.len() - self.bvh.n_triangles()
     }
 
-    /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition; of sites with β
-    /// and occlusion points, if wanted: β counts, as in [`access`](crate::access), the pairs (inaccessible site, direction
-    /// tested) in which a site is in the steps of the shrunk tool.
+    /// Answers for `queries`, sites of the part or points of space, by the [module](super)'s definition; of sites with
+    /// β and occlusion points, if wanted: β counts, as in [`access`](crate::access), the pairs (inaccessible site,
+    /// direction tested) in which a site is in the steps of the shrunk tool.
     ///
     /// # Errors
     /// If a coordinate is not finite or beyond 1 km, a site lacks a unit normal, the tolerance is not positive or not

@@ -79,8 +79,8 @@ pub(super) fn is_clear_of_tip(corners: &[DVec3; 3], tip: Tip, raised: f64) -> bo
     is_clear(&corners, onto_disc(middle(&corners), ring), radius)
 }
 
-/// Whether the plane at a distance of `radius` from a convex body, seen from the triangle's middle, has the triangle beyond it: with
-/// a margin for roundings. `nearest` is the body's place nearest to that middle.
+/// Whether the plane at a distance of `radius` from a convex body, seen from the triangle's middle, has the triangle
+/// beyond it: with a margin for roundings. `nearest` is the body's place nearest to that middle.
 #[inline]
 fn is_clear(corners: &[DVec3; 3], nearest: DVec3, radius: f64) -> bool {
     /// Share of the distance, squared.

@@ -156,7 +156,8 @@ fn reached(
     found
 }
 
-/// Whether a triangle may penetrate the tool that stands within `reach` of a place: the steps, and a disc under the tip.
+/// Whether a triangle may penetrate the tool that stands within `reach` of a place: the steps, and a disc under the
+/// tip.
 fn is_near(
     (corners, tolerance): &([DVec3; 3], f64),
     outline: &Outline,

@@ -22,15 +22,15 @@
 //!
 //! For a strip of width `b` that turns by θ this is `b·θ/8`. `ratio` is the neighbor's height over the facet's own:
 //! facets of one curve have similar widths, a plane beside a fillet does not belong to it. Turns above 36° (ten facets
-//! to the turn) count less and less, from 45° on they are corners. A turn counts if the curve goes on: if one of the two
-//! facets turns again across from it, as strongly. Two planes that meet in a blunt edge are no curve.
+//! to the turn) count less and less, from 45° on they are corners. A turn counts if the curve goes on: if one of the
+//! two facets turns again across from it, as strongly. Two planes that meet in a blunt edge are no curve.
 //!
-//! A face that meets a facet of a curve in a corner, as the top of a bore does, is granted what that is: their edge is a
-//! chord.
+//! A face that meets a facet of a curve in a corner, as the top of a bore does, is granted what that is: their edge is
+//! a chord.
 //!
-//! More than two triangles that hang together in one plane are one facet of a curve if it goes on at two of their sides:
-//! their area and sides are those of a strip that another bore crosses, or of a facet that was subdivided. What lies in
-//! one plane beside such a facet is granted how far it reaches in between the chord and a parabola over it.
+//! More than two triangles that hang together in one plane are one facet of a curve if it goes on at two of their
+//! sides: their area and sides are those of a strip that another bore crosses, or of a facet that was subdivided. What
+//! lies in one plane beside such a facet is granted how far it reaches in between the chord and a parabola over it.
 
 use super::bvh::Bvh;
 use super::chords::Chords;

@@ -35,8 +35,8 @@ pub struct Raise {
 /// closed formulas in `f64`.
 ///
 /// # Errors
-/// If the direction has no length, the tolerance is not positive or not below the cutter's radius, a face names a missing
-/// vertex, or a vertex or the reference point is not finite or beyond 1 km.
+/// If the direction has no length, the tolerance is not positive or not below the cutter's radius, a face names a
+/// missing vertex, or a vertex or the reference point is not finite or beyond 1 km.
 pub fn raise(
     mesh: &Mesh,
     cutter: &Cutter,

@@ -197,7 +197,7 @@ fn percent(share: f64) -> String {
 }
 
 impl TriangleObstacles {
-    /// Warnings about the answers for `sites` of `part`, which these obstacles were made of, from the evidence for them.
+    /// Warnings about the answers for `sites` of `part`, of which these obstacles were made, from their evidence.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`].

@@ -64,8 +64,8 @@ struct BuildArgs {
     obstacles: String,
     #[command(flatten)]
     published: PublishedArgs,
-    /// Label points of the space around each part, about as many as --sites, with the tip at the point; a network for them reads
-    /// the surface as well (docs/training.md).
+    /// Label points of the space around each part, about as many as --sites, with the tip at the point; a network for
+    /// them reads the surface as well (docs/training.md).
     #[arg(long)]
     volume: bool,
     /// The directions, as `deepmill label` has them; by default `published`, with triangles as obstacles 150.

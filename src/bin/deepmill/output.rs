@@ -117,8 +117,8 @@ impl Output {
         }
     }
 
-    /// The failure that ends the program, on standard error, and under `--json` as the result. That of another process is
-    /// its own to print.
+    /// The failure that ends the program, on standard error, and under `--json` as the result. That of another process
+    /// is its own to print.
     pub fn error(&self, error: &Error) {
         if matches!(error, Error::OtherProcess { .. }) {
             return;

@@ -5,8 +5,8 @@ use crate::output::Output;
 use deepmill::processes::{Processes, SingleProcess, agree, require_same};
 use deepmill::{Error, Result};
 
-/// Calls `work` with all processes of this program. Only process 0 prints results. An error that no other process knows of
-/// is printed, and ends them all.
+/// Calls `work` with all processes of this program. Only process 0 prints results. An error that no other process knows
+/// of is printed, and ends them all.
 pub fn together(
     output: &Output,
     work: impl FnOnce(&dyn Processes, &Output) -> Result<()>,

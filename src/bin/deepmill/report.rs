@@ -209,8 +209,8 @@ fn of_setups(args: &Args, output: &Output) -> Result<()> {
     Ok(())
 }
 
-/// What `label` has recorded of the labels at a path, and the number of their tool: in their folder or, of one of several
-/// tools, in that above. Folders of earlier versions have no record.
+/// What `label` has recorded of the labels at a path, and the number of their tool: in their folder or, of one of
+/// several tools, in that above. Folders of earlier versions have no record.
 fn recorded(labels: &Path) -> Result<Option<(Outcome, usize)>> {
     let folder = labels.parent().unwrap_or(Path::new(""));
     if labels.file_name() != Some(LABELS.as_ref()) {

@@ -53,8 +53,9 @@ pub struct Args {
     /// Samples per step, in place of the settings' number.
     #[arg(long, value_name = "COUNT")]
     batch_size: Option<usize>,
-    /// Groups of samples that each step is split into, in place of the settings' number; each is normalized by itself. Up to
-    /// as many processes (`mpirun`, docs/cluster.md) share a step, and the network does not depend on their number.
+    /// Groups of samples that each step is split into, in place of the settings' number; each is normalized by itself.
+    /// Up to as many processes (`mpirun`, docs/cluster.md) share a step, and the network does not depend on their
+    /// number.
     #[arg(long, value_name = "COUNT")]
     groups: Option<usize>,
     /// Learning rate, in place of the settings' number.

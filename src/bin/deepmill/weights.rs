@@ -24,8 +24,8 @@ pub struct Args {
     /// Write a copy with parameters rounded to bf16 (half the size) to this file.
     #[arg(long, value_name = "FILE")]
     bf16: Option<PathBuf>,
-    /// Fit slope and offset of the copy's logits on these data sets, made for validation by `deepmill dataset build`: its
-    /// probabilities become frequencies.
+    /// Fit slope and offset of the copy's logits on these data sets, made for validation by `deepmill dataset build`:
+    /// its probabilities become frequencies.
     #[arg(long, value_name = "DIR", num_args = 1.., requires = "bf16")]
     calibrate: Vec<PathBuf>,
     /// What the labels were about that the network learned from, where its file does not say: sites or part.

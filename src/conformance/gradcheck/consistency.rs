@@ -1,5 +1,5 @@
-//! What no difference shows of a function: state between calls, lengths, outputs that are no numbers, and a single output
-//! whose gradient is taken for 1.
+//! What no difference shows of a function: state between calls, lengths, outputs that are no numbers, and a single
+//! output whose gradient is taken for 1.
 
 use super::differences::same_length;
 use super::{Forward, GradcheckSettings, Gradients, output_gradient};

@@ -14,7 +14,8 @@ pub struct Control {
     pub mistake: String,
     /// The error that the check found.
     pub error: f64,
-    /// Whether the gradient by this vector does not differ from zero by more than rounding at these inputs: nothing about it is checked.
+    /// Whether the gradient by this vector does not differ from zero by more than rounding at these inputs: nothing
+    /// about it is checked.
     pub is_lost: bool,
 }
 
@@ -31,8 +32,8 @@ const MISTAKES: [Mistake; 5] = [
     ("in reverse order", |g, _| g.reverse()),
 ];
 
-/// Checks `backward` as [`function`](super::function) does after its gradients were made wrong in stated ways, vector by
-/// vector: scaled by 1.01, negated, left at zero, with its largest element left out, in reverse order. Vectors whose
+/// Checks `backward` as [`function`](super::function) does after its gradients were made wrong in stated ways, vector
+/// by vector: scaled by 1.01, negated, left at zero, with its largest element left out, in reverse order. Vectors whose
 /// gradient is zero, and orders that are the same in reverse, have no such control. A gradient so small beside the
 /// rounding of the outputs that zero passes for it has one, which says so ([`Control::is_lost`]).
 ///

@@ -1,4 +1,5 @@
-//! Fixtures of gradient checks: the inputs, outputs and gradients of a case of the [suite](super::suite) as named f64 arrays.
+//! Fixtures of gradient checks: the inputs, outputs and gradients of a case of the [suite](super::suite) as named f64
+//! arrays.
 //!
 //! `docs/gradcheck-fixtures.md` says how to hold another implementation against them.
 

@@ -9,8 +9,8 @@ use crate::nn::pass::Inference;
 use crate::{Error, Result};
 use std::ops::Range;
 
-/// What buffers of the arena hold before a layer writes them: the greater of NaN and a number is the number, which hides
-/// it.
+/// What buffers of the arena hold before a layer writes them: the greater of NaN and a number is the number, which
+/// hides it.
 const LEFTOVERS: [f64; 3] = [f64::NAN, 1e6, -1e6];
 
 /// All of it; an error names what does not hold.

@@ -5,8 +5,8 @@ use super::suite::{self, ProbeShape};
 use crate::octree::Octree;
 use crate::{Error, Result};
 
-/// Rows and columns at which mistakes of shape show, with their names: one row, one column, square, tall, wide, and more
-/// rows than a block of vectors has.
+/// Rows and columns at which mistakes of shape show, with their names: one row, one column, square, tall, wide, and
+/// more rows than a block of vectors has.
 pub fn matrix_shapes() -> [(&'static str, [usize; 2]); 6] {
     [
         ("one row", [1, 5]),

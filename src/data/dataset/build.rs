@@ -81,13 +81,14 @@ impl Builder {
     /// Prepares `folder`; an interrupted build there goes on if its settings are the same.
     ///
     /// # Errors
-    /// If settings are out of range, the labels of a part would not fit into the memory, there are no parts, the folder holds another
-    /// data set, or another program writes into it.
+    /// If settings are out of range, the labels of a part would not fit into the memory, there are no parts, the folder
+    /// holds another data set, or another program writes into it.
     pub fn new(folder: &Path, settings: DatasetSettings, sources: Vec<PartSource>) -> Result<Self> {
         Builder::share(folder, settings, sources, (0, 1))
     }
 
-    /// For the parts `index`, `index + n`, `index + 2n` … of a data set that `n` programs build in one folder, given as `(index, n)`.
+    /// For the parts `index`, `index + n`, `index + 2n` … of a data set that `n` programs build in one folder, given as
+    /// `(index, n)`.
     ///
     /// # Errors
     /// As [`Builder::new`]; programs with other shares may write into the folder.

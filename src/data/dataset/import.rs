@@ -32,8 +32,8 @@ impl ImportedSample {
 /// that cannot be checked. Of the accessible directions only "none" (0) and "some" (1) are known.
 ///
 /// # Errors
-/// If there are no samples, one is inconsistent, the folder holds a data set, another program writes into it, or a file cannot be
-/// written.
+/// If there are no samples, one is inconsistent, the folder holds a data set, another program writes into it, or a file
+/// cannot be written.
 pub fn import(
     folder: &Path,
     settings: DatasetSettings,

@@ -33,8 +33,9 @@ pub struct DatasetSettings {
     /// paper has it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub part_itself: bool,
-    /// Whether the labels are about points of the space around the part instead of its sites ([`data::volume`](crate::data::volume)):
-    /// about `n_sites` of them. Points as obstacles are sites then, `n_obstacles` or as many as points.
+    /// Whether the labels are about points of the space around the part instead of its sites
+    /// ([`data::volume`](crate::data::volume)): about `n_sites` of them. Points as obstacles are sites then,
+    /// `n_obstacles` or as many as points.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub volume: bool,
     /// Directions the cutter may come from.
@@ -45,7 +46,8 @@ pub struct DatasetSettings {
     pub n_cutters: usize,
     /// Parts whose smallest box edge is below this are scaled up to it, mm; `None`: never.
     pub min_edge_mm: Option<f64>,
-    /// Range of the largest box edge that parts are scaled to instead, mm, drawn log-uniformly for each; `None`: they are not.
+    /// Range of the largest box edge that parts are scaled to instead, mm, drawn log-uniformly for each; `None`: they
+    /// are not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 2]>,
     /// Share of the sites that are occlusion points.
@@ -264,7 +266,8 @@ impl Manifest {
     /// Reads a manifest.
     ///
     /// # Errors
-    /// If the file cannot be read, is not a manifest, is of another format version, or names a file outside of its folder.
+    /// If the file cannot be read, is not a manifest, is of another format version, or names a file outside of its
+    /// folder.
     pub fn read(path: &Path) -> Result<Self> {
         let manifest: Manifest = read_json(path, "make it with `deepmill dataset build`")?;
         if manifest.format != FORMAT {

@@ -76,8 +76,8 @@ impl Dataset {
     /// All samples of `split` (`None`: of both), in the order of parts and cutters.
     ///
     /// # Errors
-    /// If a part's file is missing, damaged (its hash differs) or inconsistent; if they do not fit into the memory, as far as the
-    /// manifest says.
+    /// If a part's file is missing, damaged (its hash differs) or inconsistent; if they do not fit into the memory, as
+    /// far as the manifest says.
     pub fn samples(&self, split: Option<Split>) -> Result<Vec<Sample>> {
         let parts = self.manifest.parts.iter().filter(|p| p.content.is_some());
         let wanted: Vec<&PartRecord> =
@@ -144,13 +144,13 @@ pub struct LabeledPart {
 }
 
 impl LabeledPart {
-    /// Writes `points`, `normals` `[n, 3]`, `cutters` `[k, 4]` (CR, CH, FR, FH) and, with a row per site and
-    /// a column per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32); beside points of space
+    /// Writes `points`, `normals` `[n, 3]`, `cutters` `[k, 4]` (CR, CH, FR, FH) and, with a row per site and a column
+    /// per cutter, `inaccessible`, `occlusion` (bool) and `accessible_directions` (u32); beside points of space
     /// `surface_points` and `surface_normals` `[m, 3]`.
     ///
     /// # Errors
-    /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`] and are no points of space, or the
-    /// file cannot be written.
+    /// If there is not an answer for every site and cutter, the sites fail [`Sites::check`] and are no points of space,
+    /// or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let (n, k) = (self.sites.len(), self.cutters.len());
         match self.sites.normals.is_empty() {

@@ -40,8 +40,8 @@ pub fn joined(meshes: &[Mesh]) -> Option<Mesh> {
 }
 
 /// Passes the surface that answers are about: the one whose SHA-256 they state, or if they state none, one that has the
-/// sites on their triangles. `path` is that of the surface, `of` that of the answers; `is_own` if the surface was written
-/// with answers, and not the file of a part.
+/// sites on their triangles. `path` is that of the surface, `of` that of the answers; `is_own` if the surface was
+/// written with answers, and not the file of a part.
 ///
 /// # Errors
 /// If it is another one: what is drawn on it would be said of another part.

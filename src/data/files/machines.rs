@@ -78,8 +78,8 @@ fn has_extension(path: &Path, wanted: &str) -> bool {
 /// Reads a machine; a file that ends in `.fcm` as FreeCAD writes it.
 ///
 /// # Errors
-/// If the file cannot be read, is no TOML or no machine of FreeCAD, lacks a key or has another one, or an axis is not what
-/// [`Kinematics::new`] takes.
+/// If the file cannot be read, is no TOML or no machine of FreeCAD, lacks a key or has another one, or an axis is not
+/// what [`Kinematics::new`] takes.
 pub fn read(path: &Path) -> Result<Machine> {
     let text = input_file::read_text(path, input_file::SETTINGS)?;
     if has_extension(path, "fcm") { freecad::parse(&text, path) } else { parse(&text, path) }

@@ -50,8 +50,8 @@ pub struct PredictionFile {
     pub sites: Sites,
     /// One row of logits per site and head.
     pub prediction: Prediction<f32>,
-    /// Share of the sites that are marked as occlusion points, those of greatest logits; `None`: every site is decided by
-    /// itself.
+    /// Share of the sites that are marked as occlusion points, those of greatest logits; `None`: every site is decided
+    /// by itself.
     #[doc(hidden)] // of the program
     pub occlusion_share: Option<f64>,
     /// What was computed of it.
@@ -78,7 +78,8 @@ impl PredictionFile {
     /// Writes the file.
     ///
     /// # Errors
-    /// If there are not two scores per site and head, the share is not in (0, 1], what was verified has no β, or the system refuses the file.
+    /// If there are not two scores per site and head, the share is not in (0, 1], what was verified has no β, or the
+    /// system refuses the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         let n = self.sites.len();
         let Prediction { logits_inaccessible, logits_occlusion, accessible_share, coarse_answers } =

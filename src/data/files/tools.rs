@@ -11,8 +11,9 @@
 //! | LinuxCNC tool table | `.tbl`, or a first line that begins with `T` and a number |
 //! | table of lengths, or in the words of a shop | anything else: CSV |
 //!
-//! What a file leaves out comes from [`MissingParameters`], never assumed. A tool that is not complete, contradicts itself
-//! or is of a kind that `docs/tool-families.md` does not list is left out by name with the reason, and the rest is read.
+//! What a file leaves out comes from [`MissingParameters`], never assumed. A tool that is not complete, contradicts
+//! itself or is of a kind that `docs/tool-families.md` does not list is left out by name with the reason, and the rest
+//! is read.
 
 mod by_format;
 mod camotics;

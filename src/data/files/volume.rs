@@ -67,8 +67,8 @@ pub struct VolumeFile {
     pub collision_free_directions: Vec<u32>,
     /// Of these, those in which the tip fits too; empty likewise.
     pub accessible_directions: Vec<u32>,
-    /// Of a tool given by its profile: where it fits, but no retreat is proven, so that the answer is inaccessible. Empty
-    /// for other tools.
+    /// Of a tool given by its profile: where it fits, but no retreat is proven, so that the answer is inaccessible.
+    /// Empty for other tools.
     pub(crate) retreat_unproven: Vec<bool>,
     /// A direction in which the tip can be there.
     pub witness: Vec<Option<Vec3>>,

@@ -104,8 +104,8 @@ pub fn share(n: usize, rank: usize, size: usize) -> Range<usize> {
 /// them failed.
 ///
 /// # Errors
-/// [`Error::Process`] with the error of the first process that failed, on that process, and [`Error::OtherProcess`] on all
-/// others. A single process has its own error.
+/// [`Error::Process`] with the error of the first process that failed, on that process, and [`Error::OtherProcess`] on
+/// all others. A single process has its own error.
 pub(crate) fn share_bytes<T>(
     processes: &dyn Processes,
     own: Result<T>,

@@ -14,8 +14,8 @@ use std::time::Instant;
 
 /// The processes that `mpirun` or `srun` has started together.
 ///
-/// A failure inside of the library, such as a process that died, ends all processes. Dropped, it waits for all others to be
-/// dropped.
+/// A failure inside of the library, such as a process that died, ends all processes. Dropped, it waits for all others
+/// to be dropped.
 pub struct Mpi {
     rank: usize,
     size: usize,

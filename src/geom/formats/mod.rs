@@ -27,8 +27,8 @@ use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use std::path::Path;
 
-/// Bytes while a mesh is read, welded and checked, or a cloud read, for each byte of its file. Files of real parts take 6; text of
-/// the shortest numbers 14.
+/// Bytes while a mesh is read, welded and checked, or a cloud read, for each byte of its file. Files of real parts take
+/// 6; text of the shortest numbers 14.
 const BYTES_OF_BYTE: u64 = 16;
 /// Largest coordinate that is accepted, mm: far beyond any part, and its cube is still far from
 /// the largest number, so no later computation overflows.

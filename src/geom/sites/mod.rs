@@ -219,8 +219,8 @@ const BYTES_OF_SITE: usize = 512;
 /// [`require_labelable`](super::check::require_labelable) checks.
 ///
 /// # Errors
-/// If `n_sites` is 0 or above ten million, a crease is not an angle from 0 to π, a face names a missing vertex, a vertex
-/// is not finite or beyond 1 km, the mesh has no area, or so many sites do not fit into the memory.
+/// If `n_sites` is 0 or above ten million, a crease is not an angle from 0 to π, a face names a missing vertex, a
+/// vertex is not finite or beyond 1 km, the mesh has no area, or so many sites do not fit into the memory.
 pub fn sample(mesh: &Mesh, options: &SiteOptions) -> Result<Sites> {
     let _floats = par::DefaultFloats::set();
     if options.n_sites == 0 || options.n_sites > MAX_SITES {

@@ -42,8 +42,8 @@ impl Sgd {
     /// gradients are zeros afterward, ready to be added to: one way through memory instead of two.
     ///
     /// # Panics
-    /// If the three vectors differ in length, the rate or the weight decay is negative or not finite, or the momentum is
-    /// not in `[0, 1)`.
+    /// If the three vectors differ in length, the rate or the weight decay is negative or not finite, or the momentum
+    /// is not in `[0, 1)`.
     pub fn step<T: Scalar>(&self, lr: f64, grads: &mut [T], velocity: &mut [T], params: &mut [T]) {
         assert!(grads.len() == params.len() && velocity.len() == params.len());
         for (name, number) in [("rate", lr), ("weight decay", self.weight_decay)] {

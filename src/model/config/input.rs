@@ -77,9 +77,9 @@ pub struct InputConfig {
     /// The heads also read each point's own normal, beside the features interpolated from the octree: a
     /// cell that holds both sides of a thin wall has only their mean.
     pub point_normals: bool,
-    /// If not 0: each site also brings a coarse answer that the network corrects, the labels of the published definition: the shares of this
-    /// many directions of the upper hemisphere in which three tools collide with no other site, and how often the site is in the
-    /// way of others. Needs normals and [`CutterInput::Scaled`].
+    /// If not 0: each site also brings a coarse answer that the network corrects, the labels of the published
+    /// definition: the shares of this many directions of the upper hemisphere in which three tools collide with no
+    /// other site, and how often the site is in the way of others. Needs normals and [`CutterInput::Scaled`].
     #[serde(skip_serializing_if = "is_zero")]
     pub coarse_directions: usize,
 }

@@ -1,5 +1,5 @@
-//! The algorithm for few rows, which take less time than reading the weights: one task computes some columns of all output
-//! rows, so that the weights are read once.
+//! The algorithm for few rows, which take less time than reading the weights: one task computes some columns of all
+//! output rows, so that the weights are read once.
 
 use super::super::arena::Arena;
 use super::blocks::terms_of_block;

@@ -17,8 +17,8 @@ pub(super) type Bits = Vec<u64>;
 /// A site as little as this beyond a stroke is within it, mm: sites are kept in single precision.
 const ROUNDING_MM: f64 = 1e-3;
 
-/// Per tool axis of a candidate the sites beyond the strokes, or none if there are none. Empty if the part is within the
-/// strokes however it is turned.
+/// Per tool axis of a candidate the sites beyond the strokes, or none if there are none. Empty if the part is within
+/// the strokes however it is turned.
 pub(super) fn beyond(
     candidates: &Candidates,
     candidate: &Candidate,

@@ -6,8 +6,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Names that `label` and `report` give their files, other than [`LABELS`] and [`FIRST_TOOLS`]; not those of DeepMill++, whose
-/// own files may be there to be compared.
+/// Names that `label` and `report` give their files, other than [`LABELS`] and [`FIRST_TOOLS`]; not those of
+/// DeepMill++, whose own files may be there to be compared.
 const OTHERS: [&str; 19] = [
     OUTCOME,
     "labels.ply",

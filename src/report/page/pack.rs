@@ -1,4 +1,5 @@
-//! The numbers of a page in few bytes: quantized, differences, one deflated block in base64. `assets/data.js` reads them.
+//! The numbers of a page in few bytes: quantized, differences, one deflated block in base64. `assets/data.js` reads
+//! them.
 //!
 //! | part of the block | content |
 //! |---|---|

@@ -42,8 +42,8 @@ pub(in crate::report) struct Poses {
 }
 
 impl ToolAt {
-    /// Of labels: free poses of their tool. With `leaves` where none is free the pose that leaves least, if the rest was
-    /// computed.
+    /// Of labels: free poses of their tool. With `leaves` where none is free the pose that leaves least, if the rest
+    /// was computed.
     pub fn of_labels(file: &LabelFile, leaves: bool) -> Self {
         // Files of versions that did not state their tool have a page all the same.
         let Ok(tool) = LabelQuery::tool_of(file, Path::new("")) else { return ToolAt::Nowhere };

@@ -197,9 +197,10 @@ fn add_products<S: Simd>(
                     rows: &outputs[r.clone()],
                     width: n_columns,
                 };
-                // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`); rows of `x` are `depth` wide and inside it
-                // (`check`), and p, the panel's depth, ends within them; rows of the block are inside it (`check`), and the sums have a row of
-                // `n_columns = WIDTH·LANES` for each, borrowed here alone; rows of the panel are as wide.
+                // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`); rows of `x` are `depth`
+                // wide and inside it (`check`), and p, the panel's depth, ends within them; rows of the block are
+                // inside it (`check`), and the sums have a row of `n_columns = WIDTH·LANES` for each, borrowed here
+                // alone; rows of the panel are as wide.
                 unsafe {
                     with_height!(r.len(), tile_rows::<S, WIDTH>(s, a, panel, c, n_columns, true))
                 };

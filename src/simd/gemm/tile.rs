@@ -1,5 +1,5 @@
-//! The register tile of the products: `M` rows times `V` vectors of sums; rows are gathered by pointers, columns read from a
-//! panel.
+//! The register tile of the products: `M` rows times `V` vectors of sums; rows are gathered by pointers, columns read
+//! from a panel.
 //!
 //! The sums are a constant number of vector values, so they stay in registers for the whole depth of the
 //! panel; the inner loop loads `V` vectors of the panel and makes `M·V` fused multiply-adds.
@@ -100,9 +100,9 @@ impl<'a> Panel<'a> {
         let to: *mut f32 = copy.as_mut_ptr().cast();
         for (r, &row) in g.rows.iter().enumerate() {
             for v in 0..WIDTH {
-                // SAFETY: reads: row `row` reaches `width` numbers far from `start` on (the caller's promise), of which vector `v` takes
-                // those below `width`, none if it begins beyond; writes: `copy` has `stride` places for each of the rows (asserted), and
-                // `v·LANES + LANES ≤ stride`.
+                // SAFETY: reads: row `row` reaches `width` numbers far from `start` on (the caller's promise), of which
+                // vector `v` takes those below `width`, none if it begins beyond; writes: `copy` has `stride` places
+                // for each of the rows (asserted), and `v·LANES + LANES ≤ stride`.
                 unsafe {
                     let from = g.start.add(row as usize * g.width).wrapping_add(v * S::LANES);
                     let lanes = match width == stride {
@@ -158,8 +158,8 @@ pub(super) fn copy_row<S: Simd>(s: S, row: &[f32], to: &mut [MaybeUninit<f32>]) 
 /// One tile of `matmul_rows`; adds to `c` if there is `more`, else overwrites it.
 ///
 /// # Safety
-/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ V·LANES`, for writing and by nobody
-/// else; the rows of the panel have `V·LANES` numbers. Rows of `c` may be the same.
+/// `a` and `c` have `M` rows; those of `a` reach `panel.depth` numbers far, those of `c` `width ≤ V·LANES`, for writing
+/// and by nobody else; the rows of the panel have `V·LANES` numbers. Rows of `c` may be the same.
 #[inline(always)]
 pub(super) unsafe fn tile_rows<S: Simd, const M: usize, const V: usize>(
     s: S,
@@ -169,8 +169,8 @@ pub(super) unsafe fn tile_rows<S: Simd, const M: usize, const V: usize>(
     width: usize,
     more: bool,
 ) {
-    // SAFETY: by the caller's promise: row `a.rows[i]` of `a` has number `p < panel.depth`; the panel has row `p`, with vectors below `V`;
-    // the rows of `c` reach `width ≤ V·LANES` far, which is what `load` and `store` ask.
+    // SAFETY: by the caller's promise: row `a.rows[i]` of `a` has number `p < panel.depth`; the panel has row `p`, with
+    // vectors below `V`; the rows of `c` reach `width ≤ V·LANES` far, which is what `load` and `store` ask.
     unsafe {
         let (mut a_rows, mut c_rows) = ([a.start; M], [c.start; M]);
         for i in 0..M {
@@ -221,8 +221,9 @@ pub(super) unsafe fn tile_tn<S: Simd, const M: usize, const V: usize>(
     (d, n): (*mut f32, usize),
     width: usize,
 ) {
-    // SAFETY: by the caller's promise: `a.rows` has an entry for each of the `panel.depth` rows of the panel, and that row of `a` has `M`
-    // numbers; the panel has row `r`, with vectors below `V`; the `M` rows of `d`, `n` apart, reach `width ≤ V·LANES` far.
+    // SAFETY: by the caller's promise: `a.rows` has an entry for each of the `panel.depth` rows of the panel, and that
+    // row of `a` has `M` numbers; the panel has row `r`, with vectors below `V`; the `M` rows of `d`, `n` apart, reach
+    // `width ≤ V·LANES` far.
     unsafe {
         let d_row = |i: usize| d.wrapping_add(i * n);
         let mut sums = load::<S, M, V>(s, d_row, width);
@@ -260,8 +261,8 @@ unsafe fn panel_row<S: Simd, const V: usize>(s: S, panel: Panel<'_>, p: usize) -
 /// The panel has the row, which has the vector.
 #[inline(always)]
 unsafe fn panel_vector<S: Simd>(s: S, panel: Panel<'_>, p: usize, v: usize) -> S::F32 {
-    // SAFETY: rows are `stride` apart and the panel has row `p` with vector `v` (the caller's promise); its numbers are written, as all
-    // that make a `Panel` see to or ask.
+    // SAFETY: rows are `stride` apart and the panel has row `p` with vector `v` (the caller's promise); its numbers are
+    // written, as all that make a `Panel` see to or ask.
     unsafe { S::F32::load_ptr(s, panel.start.add(p * panel.stride + v * S::LANES)) }
 }
 
@@ -278,8 +279,8 @@ unsafe fn load<S: Simd, const M: usize, const V: usize>(
     let mut tile = [[S::F32::splat(s, 0.0); V]; M];
     for i in 0..M {
         for v in 0..V {
-            // SAFETY: the row reaches `width` numbers far (the caller's promise): all of vector `v`, or those of its lanes that are below
-            // `width`, none if it begins beyond.
+            // SAFETY: the row reaches `width` numbers far (the caller's promise): all of vector `v`, or those of its
+            // lanes that are below `width`, none if it begins beyond.
             tile[i][v] = unsafe {
                 let from = row(i).wrapping_add(v * S::LANES);
                 match width == V * S::LANES {
@@ -305,8 +306,8 @@ unsafe fn store<S: Simd, const M: usize, const V: usize>(
     for i in 0..M {
         for v in 0..V {
             let to = row(i).wrapping_add(v * S::LANES);
-            // SAFETY: the row reaches `width` places far and is the caller's (its promise): all of vector `v`, or those of its lanes that are
-            // below `width`, none if it begins beyond.
+            // SAFETY: the row reaches `width` places far and is the caller's (its promise): all of vector `v`, or those
+            // of its lanes that are below `width`, none if it begins beyond.
             unsafe {
                 match width == V * S::LANES {
                     true => tile[i][v].store_ptr(to),

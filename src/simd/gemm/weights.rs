@@ -249,8 +249,9 @@ impl Kernel for PackPanel<'_, '_, f32> {
 
 /// Memory that is to be overwritten.
 pub(in crate::simd) fn uninit(x: &mut [f32]) -> &mut [MaybeUninit<f32>] {
-    // SAFETY: the two types have the same layout and the borrow is the same; `MaybeUninit` would let numbers be un-written, which no
-    // kernel does: they call `write`, `store` and `store_ptr` with numbers alone, and this function is for them only.
+    // SAFETY: the two types have the same layout and the borrow is the same; `MaybeUninit` would let numbers be
+    // un-written, which no kernel does: they call `write`, `store` and `store_ptr` with numbers alone, and this
+    // function is for them only.
     unsafe { &mut *(std::ptr::from_mut(x) as *mut [MaybeUninit<f32>]) }
 }
 

@@ -211,9 +211,9 @@ fn add_term<S: Simd>(
                 let first = f * n + columns.start + if n_lanes > 0 { v * S::LANES } else { 0 };
                 let (to, from) = (sums[v * S::LANES..].as_mut_ptr(), products[first..].as_ptr());
                 for (i, (&x, shape)) in x.iter().zip(*shapes).enumerate() {
-                    // SAFETY: reads: `products` has `N_FREQUENCIES·n` numbers for each shape (checked on entry), of which those of frequency
-                    // f and of the columns, `n_lanes` of them, end before the next frequency; writes: there are `n_groups` rows of sums, each
-                    // of `WIDTH·LANES` numbers, and `i < n_groups`.
+                    // SAFETY: reads: `products` has `N_FREQUENCIES·n` numbers for each shape (checked on entry), of
+                    // which those of frequency f and of the columns, `n_lanes` of them, end before the next frequency;
+                    // writes: there are `n_groups` rows of sums, each of `WIDTH·LANES` numbers, and `i < n_groups`.
                     unsafe {
                         let row = from.add(shape * N_FREQUENCIES * n);
                         let row = S::F32::load_partial_ptr(s, row, n_lanes);
@@ -247,9 +247,10 @@ fn put_children<S: Simd>(
             assert!(sums.len() >= (N_FREQUENCIES - 1) * apart + place + S::LANES);
             let first = columns.start + v * S::LANES;
             let (from, to) = (sums[place..].as_ptr(), y[first..].as_mut_ptr());
-            // SAFETY: reads: the sums have a whole vector at that place of every frequency (asserted); writes: `y` is eight rows of `n`, borrowed
-            // here alone; lane `n_lanes - 1` of vector `v` is at most column `columns.end - 1`, and `columns.end ≤ n` (checked on entry). Both
-            // pointers may reach to the ends of the slices and stay inside.
+            // SAFETY: reads: the sums have a whole vector at that place of every frequency (asserted); writes: `y` is
+            // eight rows of `n`, borrowed here alone; lane `n_lanes - 1` of vector `v` is at most column
+            // `columns.end - 1`, and `columns.end ≤ n` (checked on entry). Both pointers may reach to the ends of the
+            // slices and stay inside.
             unsafe {
                 each_axis::<_, 4, 2>(
                     halfway,
@@ -283,9 +284,10 @@ fn add_product<S: Simd>(
             let rows = &ROWS[r];
             let a = RowPointers { start: x[p.start..].as_ptr(), rows, width: depth };
             let c = RowPointers { start: sums.as_mut_ptr(), rows, width: n_columns };
-            // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`), numbers below `n_rows`: `x` has as many of `depth`
-            // numbers, and p ends within them; the sums have as many of `n_columns = WIDTH·LANES` (asserted), borrowed here alone; rows of the
-            // panel are as wide (`in_place` asserts it).
+            // SAFETY: `a` and `c` have as many rows as the tile is high (`with_height`), numbers below `n_rows`: `x`
+            // has as many of `depth` numbers, and p ends within them; the sums have as many of
+            // `n_columns = WIDTH·LANES` (asserted), borrowed here alone; rows of the panel are as wide (`in_place`
+            // asserts it).
             unsafe {
                 with_height!(rows.len(), tile_rows::<S, WIDTH>(s, a, panel, c, n_columns, more))
             };

@@ -61,7 +61,8 @@ macro_rules! array_vector {
             #[inline(always)]
             unsafe fn store_partial_ptr(self, to: *mut $t, n: usize) {
                 for (l, x) in self.0.into_iter().enumerate().take(n) {
-                    // SAFETY: `l < n`, and `n` places may be written (the caller's promise); the address is that of a number.
+                    // SAFETY: `l < n`, and `n` places may be written (the caller's promise); the address is that of a
+                    // number.
                     unsafe { *to.add(l) = x };
                 }
             }

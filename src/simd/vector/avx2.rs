@@ -104,8 +104,8 @@ macro_rules! vector {
             }
             #[inline(always)]
             unsafe fn store_partial_ptr(self, to: *mut $element, n: usize) {
-                // SAFETY: `self` was made from a token; `n ≤ LANES`, so the table has LANES entries from there on, and lanes from `n` on are not
-                // written.
+                // SAFETY: `self` was made from a token; `n ≤ LANES`, so the table has LANES entries from there on, and
+                // lanes from `n` on are not written.
                 unsafe {
                     let mask = _mm256_loadu_si256($table.as_ptr().add($lanes - n).cast());
                     $maskstore(to, mask, self.0);

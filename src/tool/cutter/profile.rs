@@ -3,9 +3,9 @@
 //! # Definition
 //!
 //! A profile begins on the axis at height 0, the tip. A flat lower end of radius `start` comes first, if that is not 0;
-//! then one section after the other leads to a radius and a height that is not below the one before: a line, or
-//! an arc about a center. Two sections of one height are a face across the axis: it looks down where the radius grows and
-//! up where it shrinks. The tool is everything nearer to the axis than the profile; above its last point it goes on as
+//! then one section after the other leads to a radius and a height that is not below the one before: a line, or an arc
+//! about a center. Two sections of one height are a face across the axis: it looks down where the radius grows and up
+//! where it shrinks. The tool is everything nearer to the axis than the profile; above its last point it goes on as
 //! wide as that. A section cuts or does not; the lower end cuts if the first section does.
 //!
 //! ```text
@@ -13,7 +13,8 @@
 //!                                        c − √(ρ² − (height − z)²) if they are nearer than c (it is hollow)
 //! ```
 //!
-//! A **drill** or a **reamer** cuts along its axis alone: it reaches the walls of bores of its own size, and nothing else.
+//! A **drill** or a **reamer** cuts along its axis alone: it reaches the walls of bores of its own size, and nothing
+//! else.
 //!
 //! As text a profile is its points `radius:height`, an arc with its center behind an `@`, and `|` where what does not
 //! cut begins: `0:0 1.5:5.598@0:3 | 1.5:20 3:22` is a lollipop of diameter 6 on a neck of diameter 3; of a drill
@@ -347,8 +348,8 @@ impl Profile {
         steps
     }
 
-    /// The tool as it is held: of the profile what is below the holder, and the steps of that, heights above its nose at
-    /// `stick_out_mm`, which may be infinitely wide. With a margin they begin below the nose.
+    /// The tool as it is held: of the profile what is below the holder, and the steps of that, heights above its nose
+    /// at `stick_out_mm`, which may be infinitely wide. With a margin they begin below the nose.
     pub(crate) fn held(&self, holder: &[Step], stick_out_mm: f64) -> Profile {
         let begin = stick_out_mm + holder.first().map_or(0.0, |step| step.height_mm.min(0.0));
         let mut sections: Vec<ProfileSection> = Vec::new();
@@ -381,8 +382,8 @@ impl Profile {
         Profile { start_mm, base_mm, sections, is_drill }
     }
 
-    /// The same with a margin about what does not cut: it is as much wider, and where it widens upward it begins as much
-    /// lower, but not below the end of the flutes.
+    /// The same with a margin about what does not cut: it is as much wider, and where it widens upward it begins as
+    /// much lower, but not below the end of the flutes.
     pub(crate) fn with_margin(&self, margin_mm: f64) -> Profile {
         let radius_below = |k: usize| match k {
             0 => self.start_mm,

@@ -46,8 +46,8 @@ impl TryFrom<Unchecked> for Cutter {
     type Error = Error;
 
     /// # Errors
-    /// If a length is out of its domain, the steps are not those of the flutes and of what is above them, or they do not
-    /// hold the profile.
+    /// If a length is out of its domain, the steps are not those of the flutes and of what is above them, or they do
+    /// not hold the profile.
     fn try_from(read: Unchecked) -> Result<Self> {
         let Unchecked { corner_mm, side_mm, steps, cutting, upper, allowance_mm, profile } = read;
         for (name, length) in [("corner radius", corner_mm), ("side offset", side_mm)] {

@@ -1,7 +1,7 @@
 //! Bounds of β that need neither sorting nor distances.
 //!
-//! An obstacle collides in a direction with no more centers than the lowest step passes, and with at least those that an unbounded
-//! step passes. Centers and obstacles fall into buckets of height, and
+//! An obstacle collides in a direction with no more centers than the lowest step passes, and with at least those that
+//! an unbounded step passes. Centers and obstacles fall into buckets of height, and
 //!
 //! ```text
 //! bucket(height of the center + step) < bucket(z)   ⇒   height of the center + step < z   ⇒   … ≤ …
@@ -53,7 +53,8 @@ impl Bounding {
         }
     }
 
-    /// Adds to each sum the number of centers, raised by a step, below the bucket of the height `z` or so many buckets beyond.
+    /// Adds to each sum the number of centers, raised by a step, below the bucket of the height `z` or so many buckets
+    /// beyond.
     fn add_counts(
         &mut self,
         (centers, raised): (&[f32], f32),
@@ -108,8 +109,8 @@ impl BetaBounds {
         sum(&mut self.upper, &other.upper);
     }
 
-    /// The obstacles that may be among the `n` of greatest β: fewer than `n` others are sure to have more. No lower bound counts more
-    /// than `n_own` pairs of a center with its own obstacle.
+    /// The obstacles that may be among the `n` of greatest β: fewer than `n` others are sure to have more. No lower
+    /// bound counts more than `n_own` pairs of a center with its own obstacle.
     pub fn may_be_among_the_greatest(&self, n: usize, n_own: u64) -> Vec<usize> {
         let n_obstacles = self.lower.len();
         if n == 0 {

@@ -1,5 +1,5 @@
-//! The tree is built from the top, by the surface-area heuristic over sixteen bins (Wald 2007, On fast construction of SAH-based
-//! bounding volume hierarchies).
+//! The tree is built from the top, by the surface-area heuristic over sixteen bins (Wald 2007, On fast construction of
+//! SAH-based bounding volume hierarchies).
 
 use super::{LEAF, Node, WIDTH};
 use crate::exec::par;

@@ -116,8 +116,8 @@ pub(super) fn among_triangles(problem: &Problem, tool: &ShrunkTool, direction: V
 /// Heights that differ by less are the same, mm.
 const BEYOND_MM: f64 = 1e-6;
 
-/// The place of the triangle with the greatest positive value, and that value; `value` need not be right where it is at most its second
-/// argument.
+/// The place of the triangle with the greatest positive value, and that value; `value` need not be right where it is at
+/// most its second argument.
 fn max_raise(
     bvh: &Bvh,
     stand: &Stand,

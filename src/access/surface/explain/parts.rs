@@ -28,10 +28,10 @@ use crate::{Error, Result};
 const FROM_ABOVE: [ToolPart; 3] = [ToolPart::Spindle, ToolPart::Holder, ToolPart::Shank];
 
 impl TriangleObstacles {
-    /// Per site, the part of the tool that blocks in the direction which gets furthest, over the directions tested; `None` where `answers` say
-    /// that the site is accessible. As [`Explanation::blocked_by`](super::Explanation::blocked_by), for all sites; of a
-    /// tool given by its profile the part without which some pose is free, and `None` also where one is and no way out
-    /// of it is proven.
+    /// Per site, the part of the tool that blocks in the direction which gets furthest, over the directions tested;
+    /// `None` where `answers` say that the site is accessible. As
+    /// [`Explanation::blocked_by`](super::Explanation::blocked_by), for all sites; of a tool given by its profile the
+    /// part without which some pose is free, and `None` also where one is and no way out of it is proven.
     ///
     /// # Errors
     /// As [`TriangleObstacles::label`], or if there are not as many answers as sites.
@@ -113,7 +113,8 @@ fn inaccessible(answers: &[SiteAnswer]) -> Vec<usize> {
     (0..answers.len()).filter(|&i| answers[i] == SiteAnswer::Inaccessible).collect()
 }
 
-/// As [`TriangleObstacles::blocking_parts`], by the published definition; `inaccessible` are its labels of the `queries`.
+/// As [`TriangleObstacles::blocking_parts`], by the published definition; `inaccessible` are its labels of the
+/// `queries`.
 ///
 /// # Errors
 /// As [`label_many`], or if there are not as many labels as queries.
@@ -148,7 +149,8 @@ fn check_count(sites: &Sites, n_answers: usize) -> Result<()> {
     Err(Error::argument("number of answers", n_answers, expected, remedy))
 }
 
-/// What blocks at the least; an inaccessible site that stays blocked without all that is above the cutter is blocked by the cutter.
+/// What blocks at the least; an inaccessible site that stays blocked without all that is above the cutter is blocked by
+/// the cutter.
 fn at_least(answer: SiteAnswer) -> Option<ToolPart> {
     match answer {
         SiteAnswer::Accessible => None,

@@ -1,10 +1,10 @@
 //! What is left, as bodies with a surface.
 //!
 //! A node that is left is *core* if its distance from the part and that from what is removed are together more than the
-//! lattice's step: there the layer is thicker than that. A body is a set of core nodes that hang together, with the nodes
-//! that are left within three steps of them.
-//! Its surface is where an implicit function is 0: outside of the part, how far a place is above what tools leave;
-//! within, half a step below the part's surface, so that bodies and part overlap and a union joins them.
+//! lattice's step: there the layer is thicker than that. A body is a set of core nodes that hang together, with the
+//! nodes that are left within three steps of them. Its surface is where an implicit function is 0: outside of the part,
+//! how far a place is above what tools leave; within, half a step below the part's surface, so that bodies and part
+//! overlap and a union joins them.
 
 use super::super::bvh::Bvh;
 use super::super::triangle::nearest;
@@ -254,8 +254,8 @@ impl Values<'_> {
         sign * value.abs().clamp(LEAST * step, step)
     }
 
-    /// How far a node that is left is from what is removed, at most a step, mm: along the lattice's edges and diagonals,
-    /// between values clipped to a step.
+    /// How far a node that is left is from what is removed, at most a step, mm: along the lattice's edges and
+    /// diagonals, between values clipped to a step.
     fn to_removed(&self, at: [usize; 3]) -> f64 {
         let (step, own) = (self.grid.lattice.step_mm, self.at(at));
         let to = |other: [usize; 3]| {

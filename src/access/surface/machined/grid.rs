@@ -245,9 +245,9 @@ impl Grid {
         self.blocks = blocks;
     }
 
-    /// Raises the nodes to their depths in what is removed. `about` is given the middle of a block and the distance of its
-    /// corners from there, mm. What it returns computes the depth of a point: less than the first of two numbers, or more
-    /// than the second, it need not be exact.
+    /// Raises the nodes to their depths in what is removed. `about` is given the middle of a block and the distance of
+    /// its corners from there, mm. What it returns computes the depth of a point: less than the first of two numbers,
+    /// or more than the second, it need not be exact.
     pub fn raise_about<F: Fn(DVec3, [f64; 2]) -> f64>(
         &mut self,
         about: impl Fn(DVec3, f64) -> F + Sync,

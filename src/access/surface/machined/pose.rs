@@ -185,8 +185,8 @@ impl Dropped<'_> {
     }
 }
 
-/// The least that is `left`, of places of the axis: found by steps from `x` that begin with `step` mm and are halved down
-/// to `finest`. With a place comes what is left by the best so far.
+/// The least that is `left`, of places of the axis: found by steps from `x` that begin with `step` mm and are halved
+/// down to `finest`. With a place comes what is left by the best so far.
 pub fn least_over_places(
     mut x: DVec2,
     [mut step, finest]: [f64; 2],

@@ -42,8 +42,8 @@ const PUSHED: usize = 10;
 const PUSHED_OF_FEW: usize = 40;
 const PUSHED_OF_ALL: usize = 200;
 const PUSHES: usize = 16;
-/// Directions in which a pose may have the site anywhere on what cuts: those that the part suggests, then those of the best
-/// poses so far.
+/// Directions in which a pose may have the site anywhere on what cuts: those that the part suggests, then those of the
+/// best poses so far.
 const DIRECTIONS: usize = 12;
 /// Pushes of a pose after a step.
 const PUSHES_OF_STEP: usize = 4;

@@ -244,8 +244,8 @@ impl TriangleObstacles {
         comes_out.then(|| self.thin_gap(from, along)).flatten().unwrap_or(wall).min(length)
     }
 
-    /// Width of a gap that is too thin to tell a site's own wall from the other, if there is one. A line that begins at an
-    /// edge of needle triangles may cross neither.
+    /// Width of a gap that is too thin to tell a site's own wall from the other, if there is one. A line that begins at
+    /// an edge of needle triangles may cross neither.
     fn thin_gap(&self, from: DVec3, along: DVec3) -> Option<f64> {
         let mut width: Option<f64> = None;
         self.bvh.near(from, OWN_WALL_MM, |place| {

@@ -11,8 +11,8 @@
 //! ```
 //!
 //! The poses of a cell are in a box; a blocker is in the tool for all of them if it is where the box puts it farthest
-//! from the axis and lowest. A triangle closes a cell if it is in a tool at its middle that is shrunk by half the cell's
-//! diagonal: poses are no farther apart than their places on the disc.
+//! from the axis and lowest. A triangle closes a cell if it is in a tool at its middle that is shrunk by half the
+//! cell's diagonal: poses are no farther apart than their places on the disc.
 
 use super::blockers::{Blockers, Local, Met, Shape};
 use super::{PoseBox, PoseSet};

@@ -23,8 +23,8 @@ pub(in crate::access::surface) struct AsidePose {
 }
 
 impl ProfileTool<'_> {
-    /// The poses that reach sites and have no straight retreat; and each of them moved until something is in the way, or
-    /// by `farthest` mm.
+    /// The poses that reach sites and have no straight retreat; and each of them moved until something is in the way,
+    /// or by `farthest` mm.
     pub fn aside_poses(
         &self,
         sites: &[Contact],

@@ -1,8 +1,8 @@
 //! Balls that touch a site: where none fits, no tool that holds one does.
 //!
 //! Everywhere on an arc of its profile a tool holds a ball that touches there from within. Where a ball as large as the
-//! least of them, a few tolerances at least, finds no place about the site, poses that touch with the arc are not pushed:
-//! one search in place of many, for all directions.
+//! least of them, a few tolerances at least, finds no place about the site, poses that touch with the arc are not
+//! pushed: one search in place of many, for all directions.
 
 use super::contact::{BEYOND_MM, LEAST_COSINE, SHALLOWER};
 use crate::access::surface::bvh::Bvh;

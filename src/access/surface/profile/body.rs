@@ -69,8 +69,8 @@ struct Bound {
 }
 
 impl Body {
-    /// The profile shrunk by a tolerance, which is positive. Where that is more than the radius of a convex arc, the body
-    /// may be too wide beside it, never too thin: poses may be refused there, none is free that is not.
+    /// The profile shrunk by a tolerance, which is positive. Where that is more than the radius of a convex arc, the
+    /// body may be too wide beside it, never too thin: poses may be refused there, none is free that is not.
     pub fn new(profile: &Profile, tolerance: f64) -> Body {
         Body::within(bounds(profile, tolerance))
     }

@@ -21,8 +21,8 @@ pub(in crate::access::surface) enum Push {
 }
 
 impl ProfileTool<'_> {
-    /// Whether some pose may have a way out that is not straight along the axis: not of a tool that only widens, nor of one
-    /// that cuts along its axis alone.
+    /// Whether some pose may have a way out that is not straight along the axis: not of a tool that only widens, nor of
+    /// one that cuts along its axis alone.
     pub fn may_leave_aside(&self) -> bool {
         !self.only_widens && self.drill.is_none()
     }
@@ -50,8 +50,8 @@ impl ProfileTool<'_> {
         Push::By(frame.global(depth.toward) * -by)
     }
 
-    /// Of the poses that touch a site, at a point and with a normal, and penetrate something, the `n` that penetrate least:
-    /// the numbers of their directions, and their tips.
+    /// Of the poses that touch a site, at a point and with a normal, and penetrate something, the `n` that penetrate
+    /// least: the numbers of their directions, and their tips.
     pub fn shallowest_at(
         &self,
         [point, normal]: [DVec3; 2],
@@ -68,8 +68,8 @@ impl ProfileTool<'_> {
         shallowest.tips()
     }
 
-    /// As [`ProfileTool::shallowest_at`], whatever the normal: a point is anywhere on what cuts. Along the directions of these
-    /// numbers.
+    /// As [`ProfileTool::shallowest_at`], whatever the normal: a point is anywhere on what cuts. Along the directions
+    /// of these numbers.
     pub fn shallowest_about(
         &self,
         point: DVec3,

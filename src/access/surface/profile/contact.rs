@@ -1,16 +1,16 @@
 //! Poses: where on the profile a tool touches a site.
 //!
-//! The cutting portion, grown by the finish tolerance δ, is a curve of radius over height again, in lines and arcs: a line
-//! or a face moved outward by δ, an arc with a radius more by δ (less, if hollow), an arc of radius δ about every corner
-//! that points outward. A place of this curve has a normal, an angle ω above the plane across the axis. With `e` the unit
-//! vector from the axis toward the site, across the axis, the tip of the tool is at
+//! The cutting portion, grown by the finish tolerance δ, is a curve of radius over height again, in lines and arcs: a
+//! line or a face moved outward by δ, an arc with a radius more by δ (less, if hollow), an arc of radius δ about every
+//! corner that points outward. A place of this curve has a normal, an angle ω above the plane across the axis. With `e`
+//! the unit vector from the axis toward the site, across the axis, the tip of the tool is at
 //!
 //! ```text
 //! tip = site − (radius·e + height·d)
 //! ```
 //!
-//! The tool touches a surface of normal `n` there iff `−n` is `cos ω·e + sin ω·d`. A place that is near this is tried as
-//! well: facets have no normals of the curve that they stand for. From a place a pose is pushed along the curve, and
+//! The tool touches a surface of normal `n` there iff `−n` is `cos ω·e + sin ω·d`. A place that is near this is tried
+//! as well: facets have no normals of the curve that they stand for. From a place a pose is pushed along the curve, and
 //! around the axis, until it is clear.
 
 use super::body::{finite_pieces, normal_at};
@@ -72,8 +72,8 @@ pub(super) struct Pose {
     pub toward: DVec2,
 }
 
-/// A surface is touched with normals that have at least this cosine with its own: what only passes around an edge does not
-/// touch it.
+/// A surface is touched with normals that have at least this cosine with its own: what only passes around an edge does
+/// not touch it.
 pub(super) const LEAST_COSINE: f64 = 0.1;
 /// Poses are pushed farther than what they penetrate, mm.
 pub(super) const BEYOND_MM: f64 = 1e-5;
@@ -184,8 +184,8 @@ impl Contacts {
         (pose.toward * libm::cos(angle)).extend(libm::sin(angle))
     }
 
-    /// Calls `then` with the poses that touch a surface of this normal, in the frame of the tool, or nearly; until it is
-    /// true.
+    /// Calls `then` with the poses that touch a surface of this normal, in the frame of the tool, or nearly; until it
+    /// is true.
     pub fn for_each(&self, normal: DVec3, mut then: impl FnMut(Pose) -> bool) -> bool {
         let wanted = libm::asin((-normal.z).clamp(-1.0, 1.0));
         let flat = normal.truncate();
@@ -255,7 +255,8 @@ impl Contacts {
         }
     }
 
-    /// The pose that is pushed by a length in a unit direction, as far as that goes along the curve and around the axis.
+    /// The pose that is pushed by a length in a unit direction, as far as that goes along the curve and around the
+    /// axis.
     pub fn pushed(&self, pose: &Pose, away: DVec3, by: f64) -> Option<Pose> {
         /// Poses that lie across the push more than this are not moved by it.
         const LEAST: f64 = 1e-4;
@@ -292,8 +293,8 @@ impl Contacts {
     }
 }
 
-/// Radius of the greatest ball in a tool, at most `most`, that touches a place of its profile with a normal; `finish` away
-/// from that.
+/// Radius of the greatest ball in a tool, at most `most`, that touches a place of its profile with a normal; `finish`
+/// away from that.
 fn greatest_ball(
     outline: &Outline,
     [place, normal]: [DVec2; 2],

@@ -2,11 +2,11 @@
 //!
 //! # Definition
 //!
-//! The part is cut across the axis at the height of the site. Where the ends of the cut lie on a circle about as wide as
-//! the tool, and its wall goes more than half of the way around, there is a **bore**. It is the tool's own if its
-//! radius is not more than the tool's by the finish tolerance and the gouge tolerance together. The pose is on the
-//! axis of the bore, no deeper than it must to touch the site, and the site is *reached by drilling* if that pose is
-//! free and a retreat along the axis is. A site on the cone of a blind bore is reached if the tool is free where its own
+//! The part is cut across the axis at the height of the site. Where the ends of the cut lie on a circle about as wide
+//! as the tool, and its wall goes more than half of the way around, there is a **bore**. It is the tool's own if its
+//! radius is not more than the tool's by the finish tolerance and the gouge tolerance together. The pose is on the axis
+//! of the bore, no deeper than it must to touch the site, and the site is *reached by drilling* if that pose is free
+//! and a retreat along the axis is. A site on the cone of a blind bore is reached if the tool is free where its own
 //! cone touches it, on the axis of a bore of its own. Single walls, slots and square pockets are no bores, whatever the
 //! tool fits. A center drill or a step drill has several radii or cones: its own bores are those of each of its
 //! cylinders, and each of its cones is tried.
@@ -207,8 +207,8 @@ impl ProfileTool<'_> {
         poses.next().map_or(DrillPose::NotAtOwnBore, on_axis)
     }
 
-    /// The tip of the pose on an axis that touches a site with the cone, all in the frame of the direction; none where the
-    /// cone is not as wide.
+    /// The tip of the pose on an axis that touches a site with the cone, all in the frame of the direction; none where
+    /// the cone is not as wide.
     fn pose_by_cone(&self, cone: &DrillCone, site: DVec3, axis: DVec2) -> Option<DVec3> {
         let [[r0, z0], [r1, z1]] = cone.ends;
         let radius = site.truncate().distance(axis);
@@ -323,7 +323,8 @@ fn nearest([a, b]: [DVec2; 2]) -> f64 {
     (a + run * share).length()
 }
 
-/// Angles about the axis, the second less than half a turn beyond the first, between which a segment is within a radius.
+/// Angles about the axis, the second less than half a turn beyond the first, between which a segment is within a
+/// radius.
 fn arc_within([a, b]: [DVec2; 2], radius: f64) -> Option<[f64; 2]> {
     let run = b - a;
     let squared = run.length_squared();

@@ -215,8 +215,8 @@ impl<'a> ProfileTool<'a> {
         })
     }
 
-    /// About the deepest point of triangles that the tool penetrates, and the place of its triangle; `first` is the place
-    /// of a triangle that is tried first. With a place and point that are enough none deeper is looked for.
+    /// About the deepest point of triangles that the tool penetrates, and the place of its triangle; `first` is the
+    /// place of a triangle that is tried first. With a place and point that are enough none deeper is looked for.
     pub(super) fn deepest_hit(
         &self,
         frame: &Frame,

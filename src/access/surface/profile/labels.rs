@@ -13,8 +13,8 @@ use glam::DVec3;
 /// Sites per task.
 const BLOCK: usize = 32;
 
-/// Labels of sites or of points about a part, with the directions that the part suggests where a set stands for a domain:
-/// see the [module](super).
+/// Labels of sites or of points about a part, with the directions that the part suggests where a set stands for a
+/// domain: see the [module](super).
 pub(in crate::access::surface) fn label(
     tool: &ProfileTool,
     contacts: &[Contact],

@@ -1,9 +1,9 @@
 //! Does a shrunk tool of any profile, in a pose or moved across its axis, penetrate a triangle?
 //!
 //! The tool moved from the axis along a *core*, a segment across the axis, sweeps at every height all that is nearer to
-//! the core than its radius. Of the points of a triangle at one height the nearest to the core is on an edge, on the line
-//! of steepest slope through an end of the core, or over the core: six segments represent the triangle, four of them for
-//! a pose. Along a segment and over one element
+//! the core than its radius. Of the points of a triangle at one height the nearest to the core is on an edge, on the
+//! line of steepest slope through an end of the core, or over the core: six segments represent the triangle, four of
+//! them for a pose. Along a segment and over one element
 //!
 //! ```text
 //! line:  distance from the core − radius                                      is convex
@@ -53,8 +53,8 @@ impl Segment {
 /// Steps to the least value of a convex function.
 const STEPS: usize = 60;
 
-/// Whether a triangle, in the frame of the tool, is penetrated; with a point that is in the tool. `core` is from the axis
-/// to where it is moved.
+/// Whether a triangle, in the frame of the tool, is penetrated; with a point that is in the tool. `core` is from the
+/// axis to where it is moved.
 pub(super) fn penetrates(body: &Body, corners: &[DVec3; 3], core: DVec2) -> Option<Hit> {
     let mut hit = None;
     over(body, corners, (core, 0.0), |segment, element| {
@@ -93,8 +93,8 @@ pub(super) fn deepest_from_faces(body: &Body, corners: &[DVec3; 3]) -> Option<DV
     best
 }
 
-/// Calls `each` with points of a triangle at the heights of elements that it may penetrate: where the segments that represent
-/// it come to these heights, leave them, and between.
+/// Calls `each` with points of a triangle at the heights of elements that it may penetrate: where the segments that
+/// represent it come to these heights, leave them, and between.
 pub(super) fn for_some_points(body: &Body, corners: &[DVec3; 3], mut each: impl FnMut(DVec3)) {
     over(body, corners, (DVec2::ZERO, 0.0), |segment, element| {
         if let Some([from, to]) = segment.between(element.low, element.high) {
@@ -312,8 +312,8 @@ fn farthest_in(segment: &Segment, element: &Element, least: f64) -> Option<(f64,
     (best.0 < -least).then_some((-best.0, best.1))
 }
 
-/// About the greatest depth, the lesser of that across the axis and that from a face, and its share; from the share that
-/// is deepest across the axis.
+/// About the greatest depth, the lesser of that across the axis and that from a face, and its share; from the share
+/// that is deepest across the axis.
 ///
 /// ```text
 /// nearer to the axis than the face is, or deeper from the face: that share

@@ -115,9 +115,9 @@ impl ProfileTool<'_> {
         Some((place, point, self.outline.depth(point)))
     }
 
-    /// The tip of a free pose, pushed from one that is not: along the profile, and where that goes to and fro in more than
-    /// a few pushes along the normals of what is penetrated. Between a facet and a rim of the tool these lead sideways.
-    /// `from` is the pose and the normal of the surface that it is to touch; a point of space has none.
+    /// The tip of a free pose, pushed from one that is not: along the profile, and where that goes to and fro in more
+    /// than a few pushes along the normals of what is penetrated. Between a facet and a rim of the tool these lead
+    /// sideways. `from` is the pose and the normal of the surface that it is to touch; a point of space has none.
     pub(super) fn slide(
         &self,
         n_pushes: usize,

@@ -5,8 +5,8 @@ use glam::DVec3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Whether some point of a triangle, in the frame of the tool, is deeper in it than `tolerance`; none if that depends on
-/// less than `resolution`, mm.
+/// Whether some point of a triangle, in the frame of the tool, is deeper in it than `tolerance`; none if that depends
+/// on less than `resolution`, mm.
 ///
 /// The depth of a point changes by no more than the point moves:
 ///

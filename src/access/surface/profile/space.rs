@@ -12,11 +12,11 @@
 //!     poses that penetrate least, pushed along the profile as at a site: free, with a retreat: accessible
 //! ```
 //!
-//! Poses that touch the point are enough. During its retreat a tool that holds a point comes to a pose that touches it with
-//! what cuts; that pose is free, and the rest of the retreat is its own.
+//! Poses that touch the point are enough. During its retreat a tool that holds a point comes to a pose that touches it
+//! with what cuts; that pose is free, and the rest of the retreat is its own.
 //!
-//! In a narrow place few poses are free. Those that reach its walls are among them; pushing poses about a point far from
-//! the walls rarely leads there.
+//! In a narrow place few poses are free. Those that reach its walls are among them; pushing poses about a point far
+//! from the walls rarely leads there.
 
 use super::contact::REACH;
 use super::frame::Frame;

@@ -36,8 +36,8 @@ impl Sheet {
         }
     }
 
-    /// Adds views of a sample of the part `mesh`, as many as networks and one: its exact labels, and what each network predicts. Captions
-    /// begin with `about`.
+    /// Adds views of a sample of the part `mesh`, as many as networks and one: its exact labels, and what each network
+    /// predicts. Captions begin with `about`.
     pub fn add_answers(
         &mut self,
         mesh: &Mesh,

@@ -15,7 +15,8 @@ const N_DRAWS: u64 = 8;
 /// Most freeform parts.
 const N_FREEFORM: usize = 12;
 
-/// A test set. Its parts are in no training set; those of the second and third are of another series than the training's.
+/// A test set. Its parts are in no training set; those of the second and third are of another series than the
+/// training's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Set {
     /// Test parts of the study that are not freeform.

@@ -228,8 +228,8 @@ impl Checked for LayerCase {
     }
 }
 
-/// Whether a number that the output depends on may be NaN while the whole output is finite; `output` is that for another value
-/// of the number, or for its own.
+/// Whether a number that the output depends on may be NaN while the whole output is finite; `output` is that for
+/// another value of the number, or for its own.
 #[cfg(test)]
 fn hides(output: impl Fn(Option<f64>) -> Vec<f64>) -> bool {
     let own = output(None);

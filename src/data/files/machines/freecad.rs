@@ -5,11 +5,11 @@
 //!                    joint {origin, axis} or [origin, axis], limits {min, max}
 //! ```
 //!
-//! Of two table axes the one about z carries the part, and turns on the other; of two head axes the one about z is on the
-//! frame, and carries the other: so FreeCAD applies them, whatever their parents say, and an axis about z next to the
-//! tool would turn nothing. Without an axis about z the root of the chain of parents is nearest to the part or the tool, as
-//! in FreeCAD; on one parent the lesser `sequence` is. A linear axis along x, y or z is as long as its limits are
-//! apart, if the file has metric units. Tool heads, output and post-processor are not used.
+//! Of two table axes the one about z carries the part, and turns on the other; of two head axes the one about z is on
+//! the frame, and carries the other: so FreeCAD applies them, whatever their parents say, and an axis about z next to
+//! the tool would turn nothing. Without an axis about z the root of the chain of parents is nearest to the part or the
+//! tool, as in FreeCAD; on one parent the lesser `sequence` is. A linear axis along x, y or z is as long as its limits
+//! are apart, if the file has metric units. Tool heads, output and post-processor are not used.
 
 use super::REMEDY;
 use crate::planning::setups::{Carrier, Fault, Kinematics, Machine, RotaryParams};

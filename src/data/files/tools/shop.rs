@@ -6,8 +6,8 @@
 //! ```
 //!
 //! A length has the unit written with it, else that of its heading (`diameter_in`, `D [mm]`), of the row's column
-//! `unit`, what [`MissingParameters`] gives, or mm. The form is that of the column `type`, or follows from the corner, or
-//! from the name.
+//! `unit`, what [`MissingParameters`] gives, or mm. The form is that of the column `type`, or follows from the corner,
+//! or from the name.
 
 use super::described::{CENTER_RAD, Cone, Described, Family, Form};
 use super::place::{Place, shown};

@@ -245,8 +245,8 @@ fn add(mesh: &mut Mesh, cut: &PolygonMesh, orientation: bool) -> Result<(), Refu
     Ok(())
 }
 
-/// How far middles of the triangles from `first` on are from a surface, of [`N_TESTED`] of them or all, at most; none if
-/// that cannot be computed. Those of a plane are on it if their corners are.
+/// How far middles of the triangles from `first` on are from a surface, of [`N_TESTED`] of them or all, at most; none
+/// if that cannot be computed. Those of a plane are on it if their corners are.
 fn distance(mesh: &Mesh, first: usize, surface: &Surface) -> Option<f64> {
     if kind(surface) == "plane" {
         return Some(0.0);

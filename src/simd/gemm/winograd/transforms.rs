@@ -1,4 +1,4 @@
-//! The transforms of Winograd's filtering: inputs, gradients and weights to frequencies, and frequencies to weight gradients.
+//! The transforms of Winograd's filtering: inputs, gradients, weights to frequencies, frequencies to weight gradients.
 
 use super::super::super::vector::MAX_LANES;
 use super::super::super::{Isa, Kernel, Simd, Vector};
@@ -193,9 +193,9 @@ impl TransformScratch {
         s: S,
     ) -> (&mut Halfway<S::F32>, &mut [*const f32; 64], &mut Exists) {
         let halfway: *mut Halfway<S::F32> = self.halfway.as_mut_ptr().cast();
-        // SAFETY: the first field of a struct that is aligned to 64 bytes is so too, as the widest vector needs; it has places for 128 vectors
-        // of the most lanes, which `Halfway` is made of; all are written before a reference to them is made; that reference takes over the
-        // borrow of `self.halfway`, and the other two fields are borrowed apart.
+        // SAFETY: the first field of a struct that is aligned to 64 bytes is so too, as the widest vector needs; it has
+        // places for 128 vectors of the most lanes, which `Halfway` is made of; all are written before a reference to
+        // them is made; it takes over the borrow of `self.halfway`, and the other two fields are borrowed apart.
         let halfway = unsafe {
             for i in 0..128 {
                 halfway.cast::<S::F32>().add(i).write(S::F32::splat(s, 0.0));
@@ -221,7 +221,8 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// From `row` on there are `first + n` numbers, and `n` is the number of lanes if `WHOLE`.
     #[inline(always)]
     unsafe fn load<S: Simd>(self, s: S, row: *const f32) -> S::F32 {
-        // SAFETY: `n` numbers from `row + first` on may be read (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
+        // SAFETY: `n` numbers from `row + first` on may be read (the caller's promise): a whole vector if `WHOLE`, no
+        // more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => S::F32::load_ptr(s, row.add(self.first)),
@@ -234,7 +235,8 @@ impl<const WHOLE: bool> Chunk<WHOLE> {
     /// As for [`Chunk::load`], for writing.
     #[inline(always)]
     unsafe fn store<S: Simd>(self, lanes: S::F32, row: *mut f32) {
-        // SAFETY: `n` places from `row + first` on may be written (the caller's promise): a whole vector if `WHOLE`, no more than `n` otherwise.
+        // SAFETY: `n` places from `row + first` on may be written (the caller's promise): a whole vector if `WHOLE`, no
+        // more than `n` otherwise.
         unsafe {
             match WHOLE {
                 true => lanes.store_ptr(row.add(self.first)),
@@ -306,8 +308,9 @@ pub(super) fn frequencies<S: Simd>(
 ) {
     assert!(to.len() >= (N_FREQUENCIES - 1) * plane + depth);
     let to = to.as_mut_ptr();
-    // SAFETY: reads: `find_rows` cut each row to `depth` numbers, or took zeros, of which there are MAX_DEPTH ≥ depth (`check_groups`); writes:
-    // frequency f has `depth` places from `f·plane` on (asserted for the last), borrowed here alone; chunks end at `depth`.
+    // SAFETY: reads: `find_rows` cut each row to `depth` numbers, or took zeros, of which there are MAX_DEPTH ≥ depth
+    // (`check_groups`); writes: frequency f has `depth` places from `f·plane` on (asserted for the last), borrowed here
+    // alone; chunks end at `depth`.
     for_each_chunk!(S, depth, |chunk| unsafe {
         each_axis::<_, 4, 4>(
             halfway,
@@ -338,8 +341,8 @@ impl Kernel for GradientKernel<'_> {
             let to = &mut to[i * width..];
             assert!(to.len() >= (N_FREQUENCIES - 1) * plane + width);
             let to = to.as_mut_ptr();
-            // SAFETY: reads: `chunks_exact` cut `dy` to eight rows of `width` numbers; writes: frequency f has `width` places from `f·plane` on
-            // (asserted for the last), borrowed here alone; chunks end at `width`.
+            // SAFETY: reads: `chunks_exact` cut `dy` to eight rows of `width` numbers; writes: frequency f has `width`
+            // places from `f·plane` on (asserted for the last), borrowed here alone; chunks end at `width`.
             for_each_chunk!(S, width, |chunk| unsafe {
                 each_axis::<_, 2, 4>(
                     halfway,
@@ -386,8 +389,8 @@ impl Kernel for KernelKernel<'_, '_> {
             KernelTransform::Products { x, stride, width, to } => {
                 assert!(x.len() >= 26 * stride + width && to.len() >= N_FREQUENCIES * width);
                 let (x, to) = (x.as_ptr(), to.as_mut_ptr());
-                // SAFETY: reads: row 26 of `x`, rows `stride` apart, ends within it (asserted); writes: `to` has 64 rows of `width` (asserted),
-                // borrowed here alone; chunks end at `width`.
+                // SAFETY: reads: row 26 of `x`, rows `stride` apart, ends within it (asserted); writes: `to` has 64
+                // rows of `width` (asserted), borrowed here alone; chunks end at `width`.
                 for_each_chunk!(S, width, |chunk| unsafe {
                     each_axis::<_, 3, 4>(
                         halfway,
@@ -403,8 +406,8 @@ impl Kernel for KernelKernel<'_, '_> {
             KernelTransform::Gradients { x, stride, width, to } => {
                 assert!(x.len() >= 63 * stride + width && to.len() >= 27 * width);
                 let (x, to) = (x.as_ptr(), to.as_mut_ptr());
-                // SAFETY: reads: row 63 of `x`, rows `stride` apart, ends within it (asserted); writes: `to` has 27 rows of `width` (asserted),
-                // borrowed here alone; chunks end at `width`.
+                // SAFETY: reads: row 63 of `x`, rows `stride` apart, ends within it (asserted); writes: `to` has 27
+                // rows of `width` (asserted), borrowed here alone; chunks end at `width`.
                 for_each_chunk!(S, width, |chunk| unsafe {
                     each_axis::<_, 4, 3>(
                         halfway,
@@ -442,8 +445,9 @@ fn transform_panel<S: Simd>(
             for v in 0..WIDTH {
                 let (from, at) = (i * n_columns + v * S::LANES, p * n_columns + v * S::LANES);
                 let (w, to) = (w.as_ptr(), to.as_mut_ptr());
-                // SAFETY: reads: `w` has LANES rows of a panel for each of the 27 offsets, `i < LANES` and vector `v < WIDTH` is within a row;
-                // writes: `to` has `depth` rows of a panel for each of the 64 frequencies (asserted), borrowed here alone, `p < depth`.
+                // SAFETY: reads: `w` has LANES rows of a panel for each of the 27 offsets, `i < LANES` and vector
+                // `v < WIDTH` is within a row; writes: `to` has `depth` rows of a panel for each of the 64 frequencies
+                // (asserted), borrowed here alone, `p < depth`.
                 unsafe {
                     each_axis::<_, 3, 4>(
                         halfway,
@@ -480,8 +484,8 @@ pub(super) fn frequencies_of_ones<S: Simd>(
             }
         }
         let to = to[i * S::LANES..].as_mut_ptr();
-        // SAFETY: reads are of slices; writes: from `f·plane` on there is a place for each group (asserted for the last frequency), of which
-        // these are the ones from `i·LANES` on, `groups.len()` of them, borrowed here alone.
+        // SAFETY: reads are of slices; writes: from `f·plane` on there is a place for each group (asserted for the last
+        // frequency), of which these are the ones from `i·LANES` on, `groups.len()` of them, borrowed here alone.
         unsafe {
             each_axis::<_, 4, 4>(
                 halfway,

@@ -42,8 +42,8 @@ impl TryFrom<Unchecked> for Assembly {
     type Error = Error;
 
     /// # Errors
-    /// If lengths or steps make no cutter or are not those of the profile, the allowance or the excess is not a number from 0 on, or the tool sticks out
-    /// further than its overall length.
+    /// If lengths or steps make no cutter or are not those of the profile, the allowance or the excess is not a number
+    /// from 0 on, or the tool sticks out further than its overall length.
     fn try_from(read: Unchecked) -> Result<Self> {
         let Unchecked { corner_mm, side_mm, cutting, upper, holder, .. } = read;
         if holder.is_empty() {

@@ -1,4 +1,5 @@
-//! A grid of the obstacles that are high enough for a step to matter, with an upper and a lower raster of their heights.
+//! A grid of the obstacles that are high enough for a step to matter, with an upper and a lower raster of their
+//! heights.
 
 use super::cell_bins::{CellBins, Extent};
 use super::disc::{DilationScratch, HalfWidths, SHARE, dilate_disc, inner_disc, outer_disc};
@@ -330,8 +331,8 @@ mod tests {
     use crate::numeric::rng::{Purpose, Stream};
     use crate::simd::{Isa, Kernel};
 
-    /// Per query: whether the rasters call it hit, and collision-free, and whether the cells around hold a collision, tested
-    /// alone and together with its neighbors.
+    /// Per query: whether the rasters call it hit, and collision-free, and whether the cells around hold a collision,
+    /// tested alone and together with its neighbors.
     struct Answer<'a>(&'a Coordinates, f32, StepSquared, &'a Coordinates);
 
     impl Kernel for Answer<'_> {

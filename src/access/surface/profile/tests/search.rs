@@ -55,8 +55,8 @@ pub(super) fn groove() -> Mesh {
     revolved(&section, 40)
 }
 
-/// Whether some pose of a dense set that touches about with the normal of the site, of a point with any, is free and may be
-/// drawn back.
+/// Whether some pose of a dense set that touches about with the normal of the site, of a point with any, is free and
+/// may be drawn back.
 fn densely(tool: &ProfileTool, contacts: &Contacts, contact: &Contact, frame: &Frame) -> bool {
     let normal = contact.normal.map(|normal| frame.local(normal));
     let n = (contacts.length() / STEP_MM).ceil() as usize;
@@ -193,8 +193,8 @@ fn hold_against_lengths(
         expected.evidence.witness.iter().flatten().map(|pose| (pose.direction, pose.tip_mm));
     let poses: Vec<(Vec3, DVec3)> = poses.collect();
     let free = obstacles.are_free(&by_profile, &poses, &options).unwrap();
-    // In the notch between flutes and shank the shrunk profile is round; of the steps, shrunk one by one, it is a corner
-    // that is √2 times as far away.
+    // In the notch between flutes and shank the shrunk profile is round; of the steps, shrunk one by one, it is a
+    // corner that is √2 times as far away.
     let n_in_notch = free.iter().filter(|free| !**free).count();
     prop_assert!(n_in_notch * 200 <= poses.len(), "{text} {stick_out}: {n_in_notch}");
     if let ContactTolerance::Millimeters(fixed) = tolerance {
