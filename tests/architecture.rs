@@ -1,4 +1,5 @@
-//! The structure of the source holds: imports, unsafe code, threads, files and printing stay where they belong.
+//! The structure of the source holds: imports, unsafe code, threads, files and printing stay where they belong. Prose
+//! is at most 120 columns wide.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -83,12 +84,13 @@ const FILE_MODULES: [&str; 20] = [
     "bin/",
 ];
 
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+/// Files below a folder with this extension.
+fn below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            sources(&path, found);
-        } else if path.extension().is_some_and(|e| e == "rs") {
+            below(&path, extension, found);
+        } else if path.extension().is_some_and(|e| e == extension) {
             found.push(path);
         }
     }
@@ -98,7 +100,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 fn files() -> Vec<(String, Vec<String>)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut paths = Vec::new();
-    sources(&root, &mut paths);
+    below(&root, "rs", &mut paths);
     let read = |path: PathBuf| {
         let text = fs::read_to_string(&path).unwrap();
         let lines = text.lines().take_while(|l| !is_test_start(l));
@@ -397,4 +399,73 @@ fn texts_are_read_over_lines_and_past_escapes() {
     let found = texts(code);
     assert_eq!((found.len(), &*found[0]), (2, "one \"two\""));
     assert!(found[1].starts_with("three") && found[1].ends_with("four"));
+}
+
+/// Lines of prose of more than 120 columns, in a page or in the comments of a source file: by number, without code,
+/// tables and pictures with their captions.
+fn wide_lines(text: &str, is_page: bool) -> Vec<usize> {
+    let mut in_code = false;
+    let mut found = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim_end();
+        let prose = if is_page { Some(line) } else { comment(line) };
+        let Some(prose) = prose else {
+            in_code = false;
+            continue;
+        };
+        if prose.trim_start().starts_with("```") {
+            in_code = !in_code;
+            continue;
+        }
+        let is_laid_out =
+            in_code || ["    ", "|", "!["].iter().any(|start| prose.starts_with(start));
+        if !is_laid_out && line.chars().count() > 120 && prose.contains(' ') {
+            found.push(number + 1);
+        }
+    }
+    found
+}
+
+/// What a line that is a comment says, without its marker.
+fn comment(line: &str) -> Option<&str> {
+    let line = line.trim_start().strip_prefix("//")?;
+    let line = line.strip_prefix(['/', '!']).unwrap_or(line);
+    Some(line.strip_prefix(' ').unwrap_or(line))
+}
+
+#[test]
+fn prose_is_at_most_120_columns_wide() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut paths: Vec<_> = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+        .iter()
+        .map(|page| root.join(page))
+        .collect();
+    for folder in ["docs", "src", "tests", "benches", "examples", "fuzz/fuzz_targets"] {
+        let folder = root.join(folder);
+        // The package has no fuzz targets.
+        if folder.exists() {
+            ["md", "rs"].iter().for_each(|extension| below(&folder, extension, &mut paths));
+        }
+    }
+    let mut faults = Vec::new();
+    for path in paths {
+        let text = fs::read_to_string(&path).unwrap();
+        let is_page = path.extension().is_some_and(|e| e == "md");
+        let lines = wide_lines(&text, is_page);
+        faults.extend(lines.iter().map(|line| format!("{}:{line}", path.display())));
+    }
+    assert!(faults.is_empty(), "wrap at 120 columns: {faults:#?}");
+}
+
+#[test]
+fn wide_lines_are_found_beside_code_and_tables() {
+    let wide = "word ".repeat(25);
+    let page = format!(
+        "{wide}\n\n```text\n{wide}\n```\n\n    {wide}\n| {wide} |\n- {wide}\n{}",
+        "x".repeat(130)
+    );
+    assert_eq!(wide_lines(&page, true), [1, 9]);
+    let source =
+        format!("//! {wide}\nlet a = \"{wide}\";\n/// ```\n/// {wide}\n/// ```\n// {wide}\n");
+    assert_eq!(wide_lines(&source, false), [1, 6]);
 }
